@@ -1,83 +1,180 @@
-"""Translation of sentences that the program has made elsewhere: refusals, reasons, and lines of a preflight.
+"""Translation of sentences that the program has made elsewhere: refusals, reasons, problems, and lines of a preflight.
 
 `translations/said_zh.json` has the sentences with their places in braces, as "run '{run}' is in progress; wait for its
 end". A sentence is recognised by the text between its places, and what stands in them is translated in the same way, or
-stays as it is: names, and words of instruments and other programs.
+stays as it is: words of instruments and other programs, and what stands in quotes or in a place "{name}"; "{name_…}"
+holds a name without spaces, or a list of such. A place "{tail…}" may be empty. Several sentences, a list of
+them, and a sentence after what it is about are translated part by part.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from typing import NamedTuple
 
 from markupsafe import Markup, escape
 
 from bench.figures.languages import ENGLISH, TRANSLATIONS, catalogue_of, current, tr
 
 PLACE = re.compile(r"\{(\w+)\}")
-RUN = re.compile(r"(\d{8}T\d{6}Z\S*): (.+)", re.DOTALL)  # name of a run before a sentence about it
-PROSE = re.compile(r"[A-Za-z]{2,}\W* \W*[a-z]{2,}")  # two words
-DEPTH = 3  # of sentences within a sentence
-LONGEST = 2000  # characters of a sentence that is looked up
-BETWEEN = ("; ", ", ")  # sentences and names of a list
+QUOTED = re.compile(r"(?<=')\{(\w+)\}(?=')")
+# What a sentence is about before it: file and line, a run, a device, a key of a file.
+ABOUT = re.compile(r"(?P<what>\S.*?:\d+(?::\d+)?|[^\s:]+|\d[^:]*|'.*?'|\".*?\"): (?P<text>.+)", re.DOTALL)
+# A name, and what is said of it.
+SUBJECT = re.compile(
+    r"(?P<what>(?!(?:it|that|none|nothing)\b)[a-z\d][\w.]*|'.*?') (?P<text>(?:is|has|was|needs|names) .+)", re.DOTALL
+)
+# Of a check: severity, sentence, and rule.
+FOUND = re.compile(r"(?:(?P<severity>warning): )?(?P<text>.+?)(?P<rule> \[[a-z]+(?:-[a-z]+)*\])?", re.DOTALL)
+NAME = r"(?:'[^']*'|\"[^\"]*\"|[^\s,;]+(?: \([A-Z]+\))?)"
+NAMES = re.compile(r", | or | and ")  # between names of a list
+PROSE = re.compile(r"[A-Za-z]{2,}[^\w,]* [^\w,]*[a-z]{2,}")  # two words
+LEFT = 'lang="en"'  # of what is not translated
+DEPTH = 12  # of sentences within a sentence
+LONGEST = 1000  # characters of a sentence that is looked up
+SHORT, SHORT_AT_BEGIN = 8, 4  # characters of a sentence that says nothing if a place of it is not known
+WIDE = "[\u3000-\u9fff]"  # Chinese characters, between which there are no spaces
+SENTENCES = re.compile(r"(?<=[^.]\.) (?=\S)")  # the space between two of them
+
+
+class _Saying(NamedTuple):
+    """Sentence of the program: pattern, its longest text without a place, places in quotes, and translation.
+
+    `is_short` if it may be found within any text.
+    """
+
+    pattern: re.Pattern[str]
+    longest: str
+    quoted: frozenset[str]
+    is_short: bool
+    target: str
 
 
 def said(text: str) -> Markup:
     """Return a sentence in the current language as HTML; what is not known in it is marked as English."""
     if current() == ENGLISH or not text:
         return escape(text)
-    return Markup("\n").join(_whole(line, current()) for line in text.split("\n"))
+    return Markup("\n").join(_within(line, current(), DEPTH) for line in text.split("\n"))
 
 
-def _whole(text: str, language: str) -> Markup:
-    found = _translated(text, language, DEPTH)
-    return _english(text) if found is None else found
-
-
-@lru_cache(maxsize=2000)
-def _translated(text: str, language: str, depth: int) -> Markup | None:
-    """Return the translation of a sentence; None if it is not known."""
-    if len(text) > LONGEST:
-        return None
-    if (usual := tr(text)) != text or text in catalogue_of(language):
-        return escape(usual)
-    if not depth:
-        return None
-    for pattern, target in _sayings(language):
-        if (match := pattern.fullmatch(text)) is not None:
-            places = match.groupdict().items()
-            return Markup(target).format(**{key: _within(value, language, depth - 1) for key, value in places})  # noqa: S704  our own file
-    if (about := RUN.fullmatch(text)) is not None and (what := _translated(about[2], language, depth - 1)) is not None:
-        return Markup("{}{}{}").format(about[1], tr(": "), what)
-    return None
+def plain(text: str) -> str:
+    """Return a sentence in the current language without markup, for a place in another text."""
+    return text if current() == ENGLISH else said(text).striptags()
 
 
 def _within(text: str, language: str, depth: int) -> Markup:
-    """Return what stands in a place: a sentence, or a list of them; names and numbers as they are."""
-    if (found := _translated(text, language, depth)) is not None:
-        return found
-    for between in BETWEEN:
-        parts = text.split(between)
-        known = [_translated(each, language, depth) for each in parts] if len(parts) > 1 else []
-        if any(each is not None for each in known):
-            shown = (_english(old) if new is None else new for old, new in zip(parts, known, strict=True))
-            return escape(tr(between)).join(shown)
-    return _english(text)
+    """Return a sentence, or what stands in a place: names and numbers as they are."""
+    found = _translated(text, language, depth)
+    return _english(text) if found is None else found
+
+
+@lru_cache(maxsize=5000)
+def _translated(text: str, language: str, depth: int) -> Markup | None:
+    """Return the first translation that leaves nothing in English, else the first one; None if there is none."""
+    if len(text) > LONGEST or not depth:
+        return None
+    first = None
+    for found in _translations(text, language, depth - 1):
+        if LEFT not in found:
+            return found
+        first = found if first is None else first
+    return first
+
+
+def _translations(text: str, language: str, depth: int) -> Iterator[Markup]:
+    """Yield the translations of a text as a whole, and of its parts."""
+    if (usual := tr(text)) != text or text in catalogue_of(language):
+        yield escape(usual)
+        return
+    found = FOUND.fullmatch(text)
+    if found is not None and (found["severity"] or found["rule"]):
+        severity = _within(found["severity"], language, depth) + tr(": ") if found["severity"] else Markup("")
+        yield severity + _within(found["text"], language, depth) + (found["rule"] or "")
+        return
+    # Parts that are all known come first: a place before them could hold the rest of the text as well.
+    parts = list(_parts(text, language, depth))
+    yield from (found for found, are_known in parts if are_known)
+    yield from _after(ABOUT, tr(": "), text, language, depth)
+    for saying in _sayings(language):
+        if saying.longest in text and (match := saying.pattern.fullmatch(text)) is not None:
+            places = {key: _placed(key, value, saying, language, depth) for key, value in match.groupdict().items()}
+            said_so = _filled(saying.target, places)
+            if LEFT not in said_so or not saying.is_short:
+                yield said_so
+    yield from _after(SUBJECT, " ", text, language, depth)
+    yield from (found for found, _ in parts)
+    for between in (", ", " and "):  # these are within sentences as well
+        yield from (found for found, _ in _joined(text, between, language, depth) if LEFT not in found)
+
+
+def _after(form: re.Pattern[str], joined: str, text: str, language: str, depth: int) -> Iterator[Markup]:
+    """Yield what follows the words that a sentence is about, if it is known."""
+    match = form.fullmatch(text)
+    if match is not None and (what := _translated(match["text"], language, depth)) is not None:
+        yield escape(match["what"]) + joined + what
+
+
+def _parts(text: str, language: str, depth: int) -> Iterator[tuple[Markup, bool]]:
+    """Yield the translation of several sentences or of one with a full stop, and of a list; true if all are known."""
+    sentences = SENTENCES.split(text)
+    known = [_ended(each, language, depth) for each in sentences] if len(sentences) > 1 or text.endswith(".") else []
+    if any(each is not None for each in known):
+        shown = [_english(old) + " " if new is None else new for old, new in zip(sentences, known, strict=True)]
+        yield Markup("").join(shown).rstrip(), not any(LEFT in each for each in shown)
+    yield from _joined(text, "; ", language, depth)
+
+
+def _joined(text: str, between: str, language: str, depth: int) -> Iterator[tuple[Markup, bool]]:
+    """Yield the translation of a list of sentences or names, if any is known; true if all are."""
+    parts = text.split(between)
+    known = [_translated(each, language, depth) for each in parts] if len(parts) > 1 else []
+    if any(each is not None for each in known):
+        shown = [_english(old) if new is None else new for old, new in zip(parts, known, strict=True)]
+        are_known = None not in known and not any(LEFT in each for each in shown)
+        yield escape(tr(between)).join(shown), are_known
+
+
+def _ended(text: str, language: str, depth: int) -> Markup | None:
+    """Return the translation of one sentence of several, with its full stop; None if it is not known."""
+    if text.endswith(".") and (found := _translated(text.removesuffix("."), language, depth)) and LEFT not in found:
+        return found + tr(".")
+    return _translated(text, language, depth)
+
+
+def _filled(target: str, places: Mapping[str, Markup]) -> Markup:
+    """Return a translation with what stands in its places."""
+    for name, found in places.items():
+        if re.match(WIDE, found):
+            target = re.sub(f"(?<={WIDE}) {{{name}}}", f"{{{name}}}", target)
+        if re.match(WIDE, found[-1:]):
+            target = re.sub(f"{{{name}}} (?={WIDE})", f"{{{name}}}", target)
+    return Markup(target).format(**places)  # noqa: S704  our own file
+
+
+def _placed(place: str, text: str, saying: _Saying, language: str, depth: int) -> Markup:
+    """Return what stands in a place of a sentence."""
+    if place in saying.quoted:
+        return escape(text)
+    if place.startswith("name_"):
+        return escape(tr(" and ")).join(NAMES.split(text))
+    return _english(text) if place == "name" else _within(text, language, depth)
 
 
 def _english(text: str) -> Markup:
-    """Return a text that is not translated, marked as English if it has words."""
-    return Markup('<span lang="en">{}</span>').format(text) if PROSE.search(text) else escape(text)
+    """Return a text that is not translated, marked as English if it has words and is no name in quotes."""
+    is_prose = PROSE.search(text) and not re.fullmatch("'[^']*'", text)
+    return Markup('<span lang="en">{}</span>').format(text) if is_prose else escape(text)
 
 
 @lru_cache
-def _sayings(language: str) -> tuple[tuple[re.Pattern[str], str], ...]:
-    """Return patterns and translations, those with the most text between their places first."""
+def _sayings(language: str) -> tuple[_Saying, ...]:
+    """Return the sentences of a language, those with the most text between their places first."""
     texts = sayings_of(language)
-    ordered = sorted(texts, key=lambda text: -len(PLACE.sub("", text)))
-    return tuple((_pattern(text), texts[text]) for text in ordered)
+    ordered = sorted(texts, key=lambda text: (-len(PLACE.sub("", text)), "{name_" not in text))
+    return tuple(_saying(text, texts[text]) for text in ordered)
 
 
 def sayings_of(language: str) -> Mapping[str, str]:
@@ -87,10 +184,16 @@ def sayings_of(language: str) -> Mapping[str, str]:
     return found
 
 
-def _pattern(text: str) -> re.Pattern[str]:
-    parts = PLACE.split(text)
-    names = (
-        f"(?P<{part}>.+?)" if n % 2 else re.escape(part.replace("{{", "{").replace("}}", "}"))
-        for n, part in enumerate(parts)
-    )  # fmt: skip
-    return re.compile("".join(names), re.DOTALL)
+def _saying(text: str, target: str) -> _Saying:
+    parts = [part if n % 2 else part.replace("{{", "{").replace("}}", "}") for n, part in enumerate(PLACE.split(text))]
+    form = "".join(_place(part, parts[n - 1]) if n % 2 else re.escape(part) for n, part in enumerate(parts))
+    is_short = len("".join(parts[::2]).strip()) < (SHORT_AT_BEGIN if parts[0] else SHORT)
+    quoted = frozenset(QUOTED.findall(text))
+    return _Saying(re.compile(form, re.DOTALL), max(parts[::2], key=len), quoted, is_short, target)
+
+
+def _place(name: str, before: str) -> str:
+    """Return the pattern of a place after a text; a tail directly behind another place is a further sentence."""
+    if name.startswith("tail"):
+        return f"(?P<{name}>.*?)" if before else f"(?P<{name}>(?:; .*?)?)"
+    return f"(?P<{name}>{NAME}(?:(?:{NAMES.pattern}){NAME})*)" if name.startswith("name_") else f"(?P<{name}>.+?)"

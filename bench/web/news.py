@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from typing import Any, NamedTuple
 
+from markupsafe import Markup, escape
+
 from bench.figures.languages import tr
+from bench.figures.sayings import said
 from bench.sequence.plan.dwells import first_visit
 from bench.store.reader import Event
 from bench.web.sentence import NOW, Facts, in_words
@@ -42,14 +46,17 @@ NEWS = {
     "run_ended": "run ended",
 }
 URGENT = frozenset({"problem", "step_failed", "unit_dropped", "device_left_out", "fault", "stalled"})
+SENTENCES = frozenset({"text", "why", "by"})  # values with words of the program
+OF_PEOPLE = frozenset({"asked", "answered", "command", "order"})  # entries with what people have said
+FACTS = re.compile(r"; (?=\w+: )")  # between the facts of an entry in one text
 LASTING = frozenset({"ramp", "soak", "wait", "wait_until", "set", "orient", "rotate", "oscillate"})
 
 
 class Line(NamedTuple):
-    """News: instant by the clock of the bench, text, step, and True if it needs a look."""
+    """News: instant by the clock of the bench, text as HTML, step, and True if it needs a look."""
 
     at: datetime | None
-    text: str
+    text: Markup
     step: str
     is_urgent: bool
 
@@ -70,12 +77,27 @@ def news(events: Iterable[Event], zero: datetime | None, steps: Mapping[str, Fac
     return found
 
 
-def _worded(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tuple[Event, str]]:
+def _worded(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tuple[Event, Markup]]:
     for event in events:
         kind = "answered" if event.data.get("command") == "answer" else event.kind
         if kind in NEWS:
-            yield event, tr(NEWS[kind]).format_map(_Known(event.data))
+            yield event, escape(tr(NEWS[kind])).format_map(_values(kind, event.data))
         elif event.kind == "step_begins":
             planned = steps.get(first_visit(event.step))
             if planned is not None and planned["facts"]["verb"] in LASTING:
-                yield event, in_words(NOW, planned)
+                yield event, escape(in_words(NOW, planned))
+
+
+def facts_in_words(text: str) -> Markup:
+    """Return the facts of an entry, as "text: …; by: …", with its sentences in the current language."""
+    facts = [fact.partition(": ") for fact in FACTS.split(text)]
+    return Markup("; ").join(
+        escape(key + colon) + (said(value) if key in SENTENCES else escape(value)) for key, colon, value in facts
+    )
+
+
+def _values(kind: str, data: Mapping[str, Any]) -> _Known:
+    """Return the values of an entry as HTML."""
+    return _Known(
+        {key: said(str(value)) if key in SENTENCES and kind not in OF_PEOPLE else value for key, value in data.items()}
+    )

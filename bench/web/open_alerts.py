@@ -8,6 +8,10 @@ from typing import NamedTuple
 
 from bench.errors import StoreError
 from bench.figures.languages import current
+from bench.figures.sayings import plain
+from bench.station.alerts.alerts import Alerts
+from bench.station.alerts.kinds import Kind
+from bench.station.alerts.table import Alert
 from bench.web.services import Services
 
 MOST = 50
@@ -21,6 +25,14 @@ class Line(NamedTuple):
     mark: str = ""
 
 
+def in_words(alerts: Alerts, alert: Alert) -> list[str]:
+    """Return what an alert says and what to do, in the current language."""
+    cause = alert.cause
+    if cause.kind is not Kind.QUESTION and (text := cause.values.get("text")):  # a question is in the words of people
+        cause = cause._replace(values={**cause.values, "text": plain(text)})
+    return alerts.text(alert._replace(cause=cause), current()).body.splitlines()[:2]
+
+
 def opened(station: Services) -> Line:
     """Return the line of the urgent alerts that nobody has acknowledged, in the current language."""
     alerts = station.daemon.alerts
@@ -28,7 +40,7 @@ def opened(station: Services) -> Line:
         return Line()
     with suppress(StoreError):  # is among the problems of the station
         if found := alerts.table.unacknowledged(MOST):
-            newest = alerts.text(found[0], current()).body.splitlines()[0]
+            newest = in_words(alerts, found[0])[0]
             content = f"{current()} {' '.join(f'{each.id}/{each.times}' for each in found)}"
             return Line(len(found), newest, hashlib.sha256(content.encode()).hexdigest()[:16])
     return Line()

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from bench.figures.languages import tr
+from bench.figures.sayings import plain
 from bench.figures.times_and_sizes import duration
 from bench.sequence.plan.dwells import first_visit
 from bench.station.runs.live import LiveRun
@@ -129,7 +130,7 @@ def _state(live: LiveRun, phases: Sequence[str]) -> str:
 
 def _without_step(live: LiveRun, total: int) -> str:
     if live.holds:
-        return tr("Held before the next step: {by}", by=", ".join(tr(by) for by in live.holds))
+        return tr("Held before the next step: {by}", by=", ".join(plain(by) for by in live.holds))
     if not live.state.done:
         return tr("Connecting to the instruments")
     return tr("Completes the record and the report") if live.state.done >= total else tr("Between two steps")

@@ -12,13 +12,13 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from bench.clock import wall_utc
-from bench.figures.languages import current, language, tr
+from bench.figures.languages import language, tr
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.kinds import URGENT, Kind
 from bench.station.alerts.table import Alert, Delivery
 from bench.web.access import Engineer, Operator, Reader
 from bench.web.api import alerts as api
-from bench.web.open_alerts import opened
+from bench.web.open_alerts import in_words, opened
 from bench.web.pages.render import language_of, page, rendered
 from bench.web.services import Services, Station
 from bench.web.shown import clock_time
@@ -130,7 +130,7 @@ async def _page(request: Request, station: Services, tested: list[api.TestedView
 
 def _shown(alerts: Alerts, alert: Alert, zone: str, now: datetime) -> Shown:
     cause, deliveries = alert.cause, alerts.table.deliveries(alert.id)
-    what, do = alerts.text(alert, current()).body.splitlines()[:2]
+    what, do = in_words(alerts, alert)
     is_open = alert.acknowledged is None and cause.kind in URGENT
     by = "" if alert.acknowledged is None else clock_time(alert.acknowledged, zone, now)
     who = tr("an answer to the question") if alert.by == "answer" else alert.by

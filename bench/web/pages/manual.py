@@ -14,6 +14,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from bench.errors import BenchError
 from bench.figures.languages import language, tr
+from bench.figures.sayings import plain
 from bench.figures.times_and_sizes import duration
 from bench.sequence.steps.manual import SEQUENCE
 from bench.station.queue.items import Item
@@ -64,7 +65,7 @@ async def manual_page(
             other=live.run.id if live is not None and shown is None else "", controls=controls,
             when=_when(station, bench), orders=_orders(shown) if shown is not None else [], label=label,
             reading=lambda each: reading(each.model_dump()),
-            holds=shown.holds if shown is not None else [],
+            holds=[plain(by) for by in shown.holds] if shown is not None else [],
         )  # fmt: skip
 
 
@@ -151,7 +152,7 @@ def _orders(live: LiveRun) -> list[OrderLine]:
         if event.kind == "order":
             lines.append(OrderLine(event.step, _text(event.data), str(event.data.get("by", "")), at, "", ""))
         elif event.kind == "order_refused":
-            why = str(event.data.get("text", ""))
+            why = plain(str(event.data.get("text", "")))
             lines.append(OrderLine("", _text(event.data), str(event.data.get("by", "")), at, why, "bad"))
         elif event.kind in RESULTS:
             results[event.step] = RESULTS[event.kind](event.data)
@@ -192,5 +193,5 @@ RESULTS: Mapping[str, Any] = {
     "step_begins": lambda _: ("busy", tr("under way")),
     "step_ended": _result,
     "step_cut": lambda _: ("cut", tr("halted")),
-    "step_failed": lambda data: ("bad", str(data.get("text", ""))),
+    "step_failed": lambda data: ("bad", plain(str(data.get("text", "")))),
 }

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from bench.figures.languages import tr
+from bench.figures.sayings import plain
 from bench.figures.times_and_sizes import duration
 from bench.station.runs.live import LiveRun
 from bench.station.runs.series import PULSE_RATE
@@ -46,7 +47,11 @@ def _row(live: LiveRun, name: str, found: Mapping[str, Any], planned: Mapping[st
     value = found.get("value")
     if value is None and buckets:
         value = buckets[-1].mean
-    why = "" if found.get("quality") == "valid" else f"{tr(str(found.get('quality')))}: {tr(str(found.get('why', '')))}"
+    why = (
+        ""
+        if found.get("quality") == "valid"
+        else f"{tr(str(found.get('quality')))}: {plain(str(found.get('why', '')))}"
+    )
     age_s = float(found.get("age_s") or 0.0)
     is_old = age_s > OLD_S * live.speed
     return Row(

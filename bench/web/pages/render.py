@@ -13,7 +13,7 @@ from jinja2 import Environment
 
 from bench.clock import wall_utc
 from bench.figures.languages import ENGLISH, LANGUAGES, language
-from bench.figures.sayings import said
+from bench.figures.sayings import plain, said
 from bench.figures.templates import Compiled, environment_of
 from bench.web.access import Person, Scope
 from bench.web.open_alerts import Line, opened
@@ -86,5 +86,5 @@ def _frame(request: Request) -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def environment() -> Environment:
-    """Environment of all templates. `tr` translates, `static` is the address of a file."""
-    return environment_of(TEMPLATES_OF, COMPILED, static=static, may=may, said=said, zone_of=ZoneInfo)
+    """Environment of all templates. `tr` and `said` translate, `static` is the address of a file."""
+    return environment_of(TEMPLATES_OF, COMPILED, static=static, may=may, said=said, plain=plain, zone_of=ZoneInfo)

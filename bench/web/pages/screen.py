@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from bench.clock import wall_utc
 from bench.engine.control import OPERATOR
 from bench.figures.languages import tr
+from bench.figures.sayings import plain
 from bench.figures.times_and_sizes import duration
 from bench.station.runs.live import LiveRun
 from bench.station.view import ItemView, item_views
@@ -73,7 +74,7 @@ def screen_of(live: LiveRun, bench: str, zone: str, trend: Trend) -> Screen:
         tr("simulated, {speed} times as fast", speed=f"{live.speed:.0f}") if live.speed > 1.5 else "",
         timeline(plan, sentence.number - 1, _in_step_s(live, sentence.step)), rows(live, planned, trend),
         news(reversed(live.events), instant_at(live.begun, 0.0), {step["id"]: step for step in steps}, NEWS_SHOWN),
-        list(live.state.problems), live.holds, [by for by in live.holds if by != OPERATOR],
+        list(live.state.problems), live.holds, [plain(by) for by in live.holds if by != OPERATOR],
         list(live.status.get("questions", ())), _safe(plan), guard_of(live.status, plan),
         _ending(live, plan, planned), panels_of(live, trend), zone,
     )  # fmt: skip

@@ -76,6 +76,24 @@ def test_the_line_is_sent_again_only_when_it_has_changed(tmp_path):
     assert "未确认的报警：2" in chinese.text
 
 
+def test_what_has_happened_is_in_the_language_of_the_reader_and_a_question_as_it_was_asked(tmp_path):
+    why = "unit_temperature: 23.11 °C is outside -55 to 23 °C. Check the chamber and the sensor."
+    left = HOT._replace(key="k2", values={**HOT.values, "text": why})
+    question = HOT._replace(
+        kind=Kind.QUESTION, key="k3", text="question", values={**HOT.values, "run": "r1", "text": "off"}
+    )
+
+    async def work(daemon, clients):
+        headers = {**HTML, "accept-language": "zh"}
+        return (await clients["operator"].get("/alerts", headers=headers)).text, daemon.alerts.table.newest(9)
+
+    page, kept = with_alerts(tmp_path, work, left, question)
+    assert "unit_temperature：23.11 °C 超出 -55 至 23 °C。请检查温箱和传感器。" in page
+    assert re.search(r"(?<!\w)off(?!\w)", page)
+    assert "关闭" not in page
+    assert why in {each.cause.values["text"] for each in kept}, "what is sent and kept is as it was"
+
+
 def test_ways_of_an_alert_and_the_route_to_come_are_shown(tmp_path):
     async def work(daemon, clients):
         table = daemon.alerts.table

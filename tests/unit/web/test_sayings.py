@@ -52,9 +52,7 @@ KNOWN = {places_left_out(text) for text in SAYINGS}
 @pytest.fixture(scope="module")
 def program() -> str:
     """All texts of the program, one after the other."""
-    folders = ("app", "engine", "runner", "station", "store", "web", "report")
-    files = [path for folder in folders for path in (ROOT / "bench" / folder).rglob("*.py")]
-    files += (ROOT / "drivers/schema").rglob("*.py")
+    files = [path for folder in ("bench", "drivers") for path in (ROOT / folder).rglob("*.py")]
     return "\0".join(text for path in files for text in literals(ast.parse(path.read_text("utf-8"))))
 
 
@@ -82,7 +80,8 @@ def test_every_refusal_that_a_technician_meets_has_a_translation(module):
 
 def test_translations_have_the_places_of_their_sentence():
     def names(text):
-        return sorted(name for _, name, _, _ in string.Formatter().parse(text) if name)
+        # Chinese has no plural: it may leave out the letter s.
+        return sorted(name for _, name, _, _ in string.Formatter().parse(text) if name and name != "tail_s")
 
     assert [text for text, found in SAYINGS.items() if names(text) != names(found)] == []
 
