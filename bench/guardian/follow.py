@@ -231,6 +231,7 @@ def in_own_process(following: Callable[[], Following]) -> None:
     if os.fork():
         os.close(done)
         os.read(ready, 1)
+        os.close(ready)
         return
     try:
         os.setsid()
