@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
+
+import pytest
 
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
@@ -114,3 +116,32 @@ class FakeAxis(_Instrument):
 
     async def make_safe(self) -> None:
         self._called("make_safe")
+
+
+def does(device: Any, name: str, act: Callable[[int], Any], monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Let a method of a device act by the number of its call; return the calls."""
+    calls: list[int] = []
+
+    async def acts(*_arguments: object) -> Any:
+        calls.append(len(calls))
+        found = act(calls[-1])
+        return await found if asyncio.iscoroutine(found) else found
+
+    owner = type(device) if name.startswith("__") else device
+    monkeypatch.setattr(owner, name, acts)
+    return calls
+
+
+def raises(*problems: BaseException | None) -> Callable[[int], None]:
+    """Raise one after the other, then the last one."""
+
+    def act(count: int) -> None:
+        if (problem := problems[min(count, len(problems) - 1)]) is not None:
+            raise problem
+
+    return act
+
+
+def forever(_count: int) -> Any:
+    """Not end."""
+    return asyncio.sleep(1e6)
