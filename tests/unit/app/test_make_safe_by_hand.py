@@ -212,6 +212,21 @@ def test_if_nothing_was_left_on_it_does_nothing(made, bench, devices, tmp_path, 
     assert made(if_left_on=True) == []
 
 
+def test_one_that_goes_on_hides_no_other(made, bench, devices, others, tmp_path, monkeypatch):
+    held = tmp_path / "runs" / "a"
+    note_energised(held, bench, wall_utc().replace(year=2020), {"chamber": addresses(bench)["chamber"]})
+    running = tmp_path / "runs" / "b"
+    note_energised(running, bench, wall_utc().replace(year=2021), {"head": addresses(bench)["head"]})
+    left_on(bench, tmp_path)
+    states = {running: SimpleNamespace(state="running")}
+    monkeypatch.setattr(module, "summary", lambda path: states.get(path, SimpleNamespace(state="completed")))
+    chamber = real_addresses(load_bench(bench).bench)["chamber"]
+    monkeypatch.setattr(module, "owners", lambda _addresses: set())
+    with address_lock([chamber], "the guardian of a", Kind.VISIT, LOOKS):
+        assert len(made(if_left_on=True)) == 5
+    assert [each.split(",")[0] for each in made.notices[:2]] == ["a: chamber held; its guardian ends that", "earlier"]
+
+
 def test_what_somebody_has_is_not_left(made, bench, tmp_path):
     left_on(bench, tmp_path)
     with address_lock([real_addresses(load_bench(bench).bench)["supply"]], "a run"):

@@ -259,20 +259,28 @@ def test_at_a_bench_that_is_locked_out_chambers_are_stopped():
     assert (supply.output, rig.held) == (False, set())
 
 
-def test_a_role_gives_its_device_as_what_it_is():
-    chamber, supply = FakeChamber(at(20.0, 20.0)), FakeSupply()
-    rig = rig_of(chamber, supply)
-    assert rig.chamber("chamber") is chamber
-    assert rig.source("supply") is supply
-    for ask, words in (
-        (rig.positioner, "is not a positioner"), (rig.table, "is not a rate table"),
-        (rig.counter, "is not a pulse counter"),
-        (rig.frame_source, "sends no frames"), (rig.meter, "is not a meter"), (rig.source, "is not a source"),
-    ):  # fmt: skip
-        with pytest.raises(TypeError, match=rf"^chamber {words}$"):
-            ask("chamber")
-    with pytest.raises(TypeError, match=r"^supply is not a thermal chamber$"):
-        rig.chamber("supply")
+def with_methods(name: str, *methods: str) -> Any:
+    """Return a device that has more methods."""
+    return type("Device", (FakeAxis,), dict.fromkeys(methods, forever))(name)
+
+
+@pytest.mark.parametrize(
+    ("kind", "device", "words"),
+    [
+        ("positioner", with_methods("it", "move_to", "angle", "stop"), "is not a positioner"),
+        ("table", with_methods("it", "rotate_at", "oscillate", "stop", "rate", "angle"), "is not a rate table"),
+        ("chamber", FakeChamber(at(20.0, 20.0), "it"), "is not a thermal chamber"),
+        ("source", FakeSupply("it"), "is not a source"),
+        ("counter", with_methods("it", "acquire", "wait_for_data", "drain", "last_seen"), "is not a pulse counter"),
+        ("frame_source", with_methods("it", "acquire", "wait_for_data", "drain", "last_seen"), "sends no frames"),
+        ("meter", with_methods("it", "measure"), "is not a meter"),
+    ],
+)
+def test_a_role_gives_its_device_as_what_it_is(kind, device, words):
+    rig = rig_of(FakeAxis("other"), device)
+    assert getattr(rig, kind)("it") is device
+    with pytest.raises(TypeError, match=rf"^other {words}$"):
+        getattr(rig, kind)("other")
 
 
 def test_the_limits_are_those_of_the_drivers_and_of_a_hold(tmp_path):

@@ -89,7 +89,7 @@ def test_silence_counts_only_while_the_guardian_ticks(monkeypatch):
         assert watch(far, pidfd, 5 * core.TICK_S) == Over()
 
 
-@pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"nonsense"])
+@pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"nonsense", b"beat " + b"[" * 4000])
 def test_no_message_is_taken_for_an_end(content, monkeypatch):
     monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
     with runner() as (_process, pidfd, near, far):
