@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 from bench.errors import StoreError
 from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.quality import Valid
-from bench.store.tail import Bucket, Tail, TailReading
+from bench.store.tail import Bucket, Tail, TailReading, instant_at
 from bench.store.writer import RunWriter
 from drivers.can.frame_block import FrameBlock
 
@@ -145,6 +145,13 @@ def test_an_old_reading_is_found_among_many(tmp_path, readings):
             Bucket(995.0, 995.0, 999.0, 997.0),
         ]
         assert [tail._first_after(at_s) for at_s in (-5.0, 0.5, 500.0, 2000.0)] == [1, 2, 501, 1001]
+
+
+def test_an_instant_is_as_long_after_the_begin_as_its_bench_time():
+    began = datetime.fromisoformat(BEGAN)
+    assert instant_at((began, 100.0), 160.5) == began + timedelta(seconds=60.5)
+    assert instant_at(None, 160.5) is None
+    assert instant_at((began, 100.0), None) is None
 
 
 def test_a_database_that_cannot_be_read_is_told(written, tmp_path):

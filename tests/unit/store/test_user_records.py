@@ -12,6 +12,7 @@ from bench.store import kept_json as forms
 from bench.store.followed import FOLLOWED, Followed, followed
 from bench.store.kept_json import read_kept
 from bench.store.manifest_form import instant
+from bench.store.runs import RunSummary
 from bench.store.signed import check_signed
 from bench.store.tried import TRIED, last_tried, note_tried
 from bench.store.user_state import state_folder
@@ -74,6 +75,17 @@ def test_one_that_says_nothing_or_too_much_is_refused(by, reason, told):
     with pytest.raises(InputError) as found:
         check_signed(by, reason)
     assert str(found.value) == told
+
+
+@pytest.mark.parametrize("state", ["running", "interrupted", "damaged", "completed", "failed", "error", "aborted"])
+def test_a_summary_knows_whether_there_is_an_outcome(tmp_path, state):
+    found = RunSummary(tmp_path / "a run", state, {"units": [{"uut": "QF-1"}, {"uut": "QF-2"}]})
+    assert found.has_outcome == (state not in ("running", "interrupted", "damaged"))
+    assert (found.id, found.units) == ("a run", ("QF-1", "QF-2"))
+    assert found.to_json() == {
+        "run": "a run", "path": str(tmp_path / "a run"), "state": state, "manifest": found.manifest,
+    }  # fmt: skip
+    assert RunSummary(tmp_path, state, {}).units == ()
 
 
 def entries(folder, *lines) -> list[Followed | None]:
