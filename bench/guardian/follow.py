@@ -135,7 +135,7 @@ class Following:
                 return self._end() and good
             now_s = self._now_s()
             due_s = [course.hold_ends_s - now_s for course in left.values() if course.is_held and not course.is_over]
-            self._ends.wait(max(0.0, min([pause_s, *(each for each in due_s if each > 0)])))
+            self._ends.wait(min([pause_s, *(each for each in due_s if each > 0)]))
             pause_s = min(2 * pause_s, EVERY_S)
         return good
 

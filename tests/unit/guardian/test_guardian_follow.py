@@ -193,6 +193,14 @@ def test_the_end_of_a_hold_is_not_overslept(held, chamber, clock):
     assert chamber.calls.count("make_safe") == 1
 
 
+def test_nor_is_one_that_is_due_within_a_second(held, clock):
+    clock[0] = 1799.5
+    held._ends = Ends(lambda _count: held.end())
+    held.follow()
+    held.close()
+    assert held._ends.waits == [0.5]
+
+
 def test_air_that_does_not_arrive_is_on_record_and_told(sent, chamber, clock, entries, told):
     chamber.now = at(60.0, 40.0)
     assert sent.follow() is False

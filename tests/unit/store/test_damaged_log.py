@@ -89,12 +89,16 @@ def cut_in_a_frame(data):
     del data[last_commit(data)[-1] + 100 :]
 
 
+def cut_by_a_byte(data):
+    del data[-1:]
+
+
 def old_frames_behind(data):
     data[-700] ^= 1
     data += bytes(data[HEADER : HEADER + 8]) + b"old salt" + bytes(data[HEADER + 16 : HEADER + FRAME])
 
 
-@pytest.mark.parametrize("cut", [blank_last_sector, cut_in_a_frame, old_frames_behind])
+@pytest.mark.parametrize("cut", [blank_last_sector, cut_in_a_frame, cut_by_a_byte, old_frames_behind])
 def test_what_a_power_cut_may_have_left_is_a_remark(interrupted, cut):
     record = altered(interrupted, cut)
     assert (record.commits, record.damage) == (COMMITS - 1, ())

@@ -86,7 +86,8 @@ def test_steps_are_found_by_a_text_in_their_data(tail):
     assert [(each.seq, each.kind, each.step) for each in tail.steps_with('"tumble"')] == [
         (2, "step_begins", "steps/a"), (3, "step_ended", "steps/a"),
     ]  # fmt: skip
-    assert [each.kind for each in tail.steps_with("other")] == ["step_failed"]
+    ((kind, data),) = ((each.kind, each.data) for each in tail.steps_with("other"))
+    assert (kind, data) == ("step_failed", {"label": "other"})
 
 
 def test_the_begin_of_a_run_is_that_of_its_first_entry(tail, empty):
