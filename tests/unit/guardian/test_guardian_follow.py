@@ -325,6 +325,12 @@ def test_a_held_chamber_that_does_not_answer_at_the_end_is_tried_again_and_then_
     assert {each["why"] for each in entries(FILE)[:-1]} == {"chamber: does not answer"}
 
 
+def test_an_end_that_is_asked_for_hides_no_failure(sent, chamber):
+    chamber.now = at(60.0, 40.0)
+    assert sent.follow(looked=sent.end) is False
+    sent.close()
+
+
 def test_a_chamber_that_has_failed_before_the_end_is_not_forgotten(held, chamber, clock, monkeypatch):
     held.courses["chamber"].lock_out("locked out by A.")
     assert held._write("chamber", held.courses["chamber"]) is False
