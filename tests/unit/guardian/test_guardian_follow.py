@@ -237,6 +237,7 @@ def test_a_hold_that_is_over_is_ended_by_making_the_chamber_safe(held, run, benc
     def later(count: int) -> None:
         clock[0] = 1800.0 if count == 1 else 1900.0
         if count == 2:
+            assert held.courses["chamber"].state == at(60.0, 25.0)
             assert not held.courses["chamber"].is_held
             chamber.now = at(25.0, 25.0)
 
@@ -285,15 +286,23 @@ def test_a_glance_tells_what_it_sees(sent, chamber, entries, state, good, event)
     assert events(entries)[2:] == [event]
 
 
-def test_one_chamber_that_has_not_arrived_is_not_made_good_by_another(sent, chamber, bench, monkeypatch):
-    second = module.Course(bench.devices["chamber"], 0.0, held=False)
-    sent._courses["second"] = second
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda both: both.glance(""),
+        lambda both: both.follow(),
+        lambda both: both.follow(looked=both.end),
+        lambda both: (both._look("chamber", both.courses["chamber"]), both._end())[1],
+    ],
+)
+def test_one_chamber_that_has_not_arrived_is_not_made_good_by_another(sent, chamber, bench, monkeypatch, act):
+    sent._courses["second"] = module.Course(bench.devices["chamber"], 0.0, held=False)
     sent._addresses["second"] = address(bench)
     cold = FakeChamber(at(25.0, 25.0), "second")
     chamber.now = at(9.0, 9.0)
     monkeypatch.setattr(module, "device_of", lambda role, *_: chamber if role == "chamber" else cold)
     sent._bench = bench.model_copy(update={"devices": {**bench.devices, "second": bench.devices["chamber"]}})
-    assert sent.glance("") is False
+    assert act(sent) is False
     sent.close()
 
 
@@ -504,7 +513,9 @@ class InChild:
         draft = self._path.with_suffix(".draft")
         draft.write_text(" ".join(map(str, found)))
         draft.rename(self._path)
-        self._ends.wait(10)
+        if self._ends.wait(10):
+            with self._path.open("a") as file:
+                file.write("\nasked to end")
 
     @staticmethod
     def _is_pipe(name: str) -> bool:
@@ -533,7 +544,7 @@ def test_a_process_of_its_own_follows_without_terminal_and_link(tmp_path):
     os.kill(int(process), signal.SIGTERM)
     _, status = os.waitpid(int(process), 0)
     assert status == 0
-    assert path.read_text().endswith("left")
+    assert path.read_text().splitlines()[1:] == ["asked to end", "left"]
     assert pipes() == before
 
 

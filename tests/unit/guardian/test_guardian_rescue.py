@@ -111,6 +111,16 @@ def test_each_instrument_may_be_as_long_without_a_poll_as_its_driver_and_the_ben
     )
 
 
+def test_an_instrument_with_a_named_reading_is_polled_more_often(run, bench, tmp_path, devices, made):
+    path = tmp_path / "config" / "simulated.yaml"
+    air = "readings:\n  air: {from: chamber.process_value, limits: {min: -55 °C, max: 105 °C}, stale_after: 5 s}\n"
+    path.write_text(path.read_text("utf-8").replace("readings:\n", air), "utf-8")
+    devices["addresses"] = energising_addresses(bench)
+    found = Rescue(run, path, hashlib.sha256(path.read_bytes()).hexdigest(), 7).polls_within_s
+    assert found["chamber"] - bench.devices["chamber"].busy_s == pytest.approx(1.0)
+    assert found["head"] - bench.devices["head"].busy_s == pytest.approx(10.0)
+
+
 def test_every_instrument_is_made_safe_and_it_is_told(loaded, devices, entries, capfd, told):
     assert loaded.make_safe(DIED) is True
     for role in ROLES:

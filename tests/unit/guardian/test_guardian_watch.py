@@ -52,9 +52,10 @@ def test_a_run_that_has_died_does():
 
 
 def test_one_that_has_died_and_whose_link_a_child_still_has_does_too():
-    with runner() as (process, pidfd, _near, far):
+    with runner() as (process, pidfd, near, far):
+        near.send(beat(1, 0, {}, waits=False, may_hold=True))
         process.kill()
-        assert watch(far, pidfd) == Lost("the process of the run has died")
+        assert watch(far, pidfd) == Lost("the process of the run has died", may_hold=True)
 
 
 def test_one_that_lives_and_has_closed_its_link_does(monkeypatch):
