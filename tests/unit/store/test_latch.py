@@ -56,6 +56,7 @@ def test_the_act_of_a_guardian_latches_until_it_is_acknowledged(run):
     assert why(run) == ""
     (entry,) = map(json.loads, (run / ACKNOWLEDGED).read_text("utf-8").splitlines())
     assert (entry["by"], entry["reason"]) == ("A. Person", "the fuse was replaced")
+    assert entry.keys() == {"at", "by", "reason", "of", "latch"}
     with pytest.raises(InputError, match="was acknowledged before"):
         acknowledge(run, "A. Person", "again")
 
