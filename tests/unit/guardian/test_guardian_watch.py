@@ -76,6 +76,16 @@ def test_a_silent_one_is_killed_and_not_before():
         assert process.wait() == -signal.SIGKILL
 
 
+def test_one_that_does_not_die_is_told_as_dangerous_in_time(monkeypatch):
+    monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
+    monkeypatch.setattr(core.signal, "pidfd_send_signal", lambda *_: None)
+    with runner() as (_process, pidfd, _near, far):
+        assert watch(far, pidfd, 0.3) == Lost(
+            "the process of the run did not respond for 0.3 s and was killed, but does not end: "
+            "it may still send commands"
+        )
+
+
 def test_silence_counts_only_while_the_guardian_ticks(monkeypatch):
     ticks: list[float] = []
 

@@ -12,6 +12,7 @@ import pytest
 
 from bench.quality import Valid
 from bench.store.verify import examine
+from bench.store.wal import UnreadablePart, unreadable_part
 from bench.store.writer import RunWriter
 
 FRAME = 24 + 4096
@@ -144,3 +145,33 @@ def test_what_is_no_file_in_place_of_one_is_said_and_not_waited_for(interrupted,
     path.unlink(missing_ok=True)
     make(path)
     assert f"{path}: {reported}" in examine(interrupted).damage
+
+
+def test_a_log_with_checksums_of_the_other_order_is_read(tmp_path):
+    """SQLite writes them in the order of its machine, and reads both."""
+    page, salts = 512, (7, 9)
+    words = struct.pack(">6I", 0x377F0683, 3007000, page, 0, *salts)
+    total = checksum((0, 0), words)
+    data = words + struct.pack(">2I", *total)
+    for commit in (1, 2):
+        head, content = struct.pack(">2I", 1, commit), bytes(range(256)) * 2
+        total = checksum(checksum(total, head), content)
+        data += head + struct.pack(">4I", *salts, *total) + content
+    log = tmp_path / "log"
+    log.write_bytes(data)
+    assert unreadable_part(log) is None
+    log.write_bytes(data[:-1] + b"\0")
+    assert unreadable_part(log) == UnreadablePart(1, damage=True)
+    log.write_bytes(data[:8] + b"\0\0\1\0" + data[12:])
+    assert unreadable_part(log) == UnreadablePart(-1, damage=True)
+    log.write_bytes(data[:32])
+    assert unreadable_part(log) is None
+
+
+def checksum(total, data):
+    """That of SQLite's log, over big-endian words."""
+    first, second = total
+    for even, odd in struct.iter_unpack(">2I", data):
+        first = (first + even + second) % 2**32
+        second = (second + odd + first) % 2**32
+    return first, second
