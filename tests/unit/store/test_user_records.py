@@ -150,7 +150,7 @@ def test_the_form_of_an_object_names_the_place():
     assert form({"a": 1}) == ".a is not text"
     assert form({"a": "x", "b": {"n": [1, "2"]}}) == ".b.n.1 is not a whole number"
     assert forms.named(forms.TEXT)({"x": 1}) == ".x is not text"
-    assert forms.pair(forms.TEXT)(["a"]) == " is not a pair"
+    assert forms.pair(forms.TEXT)(["a"]) == forms.pair(forms.TEXT)(["a", "b", "c"]) == " is not a pair"
 
 
 @pytest.mark.parametrize(

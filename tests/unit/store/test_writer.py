@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -287,6 +290,36 @@ def test_where_no_copy_can_be_kept_that_is_said(folder):
     told, where = failed(folder, lambda: shutil.rmtree(folder))
     assert told.startswith(f"the run directory {folder} was removed during the run; nothing of it could be kept (")
     assert where == folder
+
+
+def test_of_a_database_that_is_truncated_what_can_be_read_is_kept(folder):
+    path = folder / database.FILE_NAME
+    told, where = failed(folder, lambda: os.truncate(path, 0))
+    assert told == f"{path} was truncated during the run; everything recorded until then is in {where}"
+    assert where == state_folder() / "rescued" / "a run"
+    assert kinds(where) == ["kept"]
+
+
+def test_where_that_cannot_be_kept_it_is_said(folder):
+    (state_folder() / "rescued").write_text("in the way")
+    path = folder / database.FILE_NAME
+    told, where = failed(folder, lambda: os.truncate(path, 0))
+    assert told.startswith(f"{path} was truncated during the run; nothing of it could be kept (")
+    assert where == folder
+
+
+def test_what_is_written_of_an_event_is_the_same_for_equal_events(folder):
+    async def main() -> None:
+        writer = RunWriter(folder)
+        writer.event("a", b=1, a="°")
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            writer.event("a", b=math.nan)
+        await writer.commit()
+        writer.close()
+
+    played(main)
+    with closing(sqlite3.connect(folder / database.FILE_NAME)) as opened:
+        assert opened.execute("SELECT data FROM journal").fetchone() == ('{"a": "°", "b": 1}',)
 
 
 LINK = (1, *NOTHING.values(), b"\0" * HEAD_BYTES)
