@@ -89,3 +89,12 @@ def test_that_it_cannot_be_appended_is_told(tmp_path):
     (state_folder() / MADE_SAFE).mkdir()
     with pytest.raises(StoreError, match=r"^how the bench was made safe cannot be recorded \("):
         record_made_safe(tmp_path / "bench.yaml", datetime(2026, 1, 1, tzinfo=UTC), [])
+
+
+def test_that_the_folder_of_all_users_is_out_of_reach_is_told(monkeypatch):
+    note("runs/a", supply=SUPPLY)
+    monkeypatch.setattr("bench.store.energised.problem_to_read", lambda: "this user may not read it")
+    problems: list[StoreError] = []
+    assert [Path(each.run).name for each in energised(problems.append)] == ["a"]
+    (problem,) = problems
+    assert str(problem) == "what runs of other users have left on is not known: this user may not read it"
