@@ -324,12 +324,16 @@ def test_the_reason_for_which_a_hold_has_ended_before_stays(held, chamber, clock
     assert entries(FILE)[1]["why"] == "the hold time has expired"
 
 
-def test_a_held_chamber_that_does_not_answer_at_the_end_is_tried_again_and_then_told(held, chamber, entries):
-    chamber.is_silent = True
+def test_a_held_chamber_that_does_not_answer_at_the_end_is_tried_again_and_then_told(
+    held, chamber, entries, monkeypatch
+):
+    chamber.is_silent, pauses = True, list[float]()
+    monkeypatch.setattr(module, "_pause", pauses.append)
     held.end()
     assert held.follow() is True
     held.close()
     assert chamber.calls.count("enter") == 1 + module.LAST_TRIES
+    assert pauses == [module.BETWEEN_TRIES_S] * module.LAST_TRIES
     assert entries(FILE)[-1] == {"by": BY, "event": "ended", "role": "chamber", "why": "still held"}
     assert {each["why"] for each in entries(FILE)[:-1]} == {"chamber: does not answer"}
 

@@ -94,8 +94,10 @@ def test_a_blocked_terminal_holds_up_no_record_and_a_blocked_disk_only_for_a_whi
     notes = Notes(run, "notes.jsonl")
     notes.line("nobody reads this")
     notes.do(lambda: done.append(threading.current_thread().daemon))
+    begun_s = time.monotonic()
     notes.close()
     assert done == [True]
+    assert 0.1 <= time.monotonic() - begun_s < 2
     begun_s = time.monotonic()
     notes.do(lambda: free.wait(5))
     notes.close()

@@ -180,9 +180,10 @@ def test_one_that_is_not_reached_is_named_everywhere(loaded, devices, entries, c
     assert made[0].of[2] == ["chamber", "head", "source"]
 
 
-def test_two_that_are_not_are_both_named(loaded, devices, told):
+def test_two_that_are_not_are_both_named(loaded, devices, told, capfd):
     devices["supply"].is_silent = devices["head"].is_silent = True
     loaded.make_safe(DIED)
+    assert capfd.readouterr().err.endswith("a run: NOT MADE SAFE: head, supply. Try 'bench make-safe'.\n")
     assert told().startswith("a run: NOT MADE SAFE: head, supply\n")
 
 

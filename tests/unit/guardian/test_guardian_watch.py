@@ -43,12 +43,13 @@ def test_a_run_that_is_over_needs_no_rescue():
         assert watch(far, pidfd) == Over()
 
 
-def test_a_run_that_has_died_does():
+@pytest.mark.parametrize("may_hold", [True, False])
+def test_a_run_that_has_died_does(may_hold):
     with runner() as (process, pidfd, near, far):
-        near.send(BEAT)
+        near.send(beat(1, 0, {}, waits=False, may_hold=may_hold))
         process.kill()
         near.close()
-        assert watch(far, pidfd) == Lost("the process of the run has died")
+        assert watch(far, pidfd) == Lost("the process of the run has died", may_hold)
 
 
 def test_one_that_has_died_and_whose_link_a_child_still_has_does_too():
