@@ -155,7 +155,7 @@ def test_an_output_that_is_on_again_is_not_safe(plays, monkeypatch):
     )
 
 
-@pytest.mark.parametrize("act", [raises(NoAnswer("supply", "no")), forever])
+@pytest.mark.parametrize("act", [raises(NoAnswer("supply", "no")), raises(BadAnswer("supply", "no")), forever])
 def test_an_output_that_is_not_read_again_is_safe(plays, monkeypatch, act):
     supply = FakeSupply()
     does(supply, "read", act, monkeypatch)
@@ -164,7 +164,7 @@ def test_an_output_that_is_not_read_again_is_safe(plays, monkeypatch, act):
     assert lane.took_s <= 2.001
 
 
-@pytest.mark.parametrize("act", [raises(NoAnswer("chamber", "no")), forever])
+@pytest.mark.parametrize("act", [raises(NoAnswer("chamber", "no")), raises(BadAnswer("chamber", "no")), forever])
 def test_air_that_is_not_read_is_not_told(plays, monkeypatch, act):
     chamber = FakeChamber(at(60.0, 60.0))
     does(chamber, "state", act, monkeypatch)

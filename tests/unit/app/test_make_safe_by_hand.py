@@ -64,8 +64,8 @@ def devices(monkeypatch) -> dict[str, Any]:
         "chamber": FakeChamber(at(60.0, 60.0)), "head": FakeAxis("head"), "counter": FakeAxis("counter"),
         "supply": FakeSupply(), "source": FakeSupply("source"),
     }  # fmt: skip
-    monkeypatch.setattr(module, "open_devices", lambda bench, _laboratory: found if bench.title else {})
-    monkeypatch.setattr(module, "laboratory_of", lambda _bench: None)
+    monkeypatch.setattr(module, "laboratory_of", lambda bench: f"laboratory of {bench.title}")
+    monkeypatch.setattr(module, "open_devices", lambda bench, of: found if of == f"laboratory of {bench.title}" else {})
     monkeypatch.setattr(lanes, "STAYS_S", 0.01)
     monkeypatch.setattr(lanes, "CONNECT_S", 0.05)
     return found

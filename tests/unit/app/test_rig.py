@@ -289,6 +289,9 @@ def test_the_limits_are_those_of_the_drivers_and_of_a_hold(tmp_path):
     assert limits_s["chamber"] == 7 + 3 + 2 + 5
     assert limits_s["supply"] == bench.devices["supply"].safe_state.within_s + 2
     assert set(limits_s) == set(bench.devices)
+    head = bench.devices["head"]
+    assert head.safe_state.words == "at rest where it is"
+    assert limits_s["head"] == head.safe_state.within_s + 2
 
 
 def test_a_driver_has_what_the_bench_file_says_of_its_device(tmp_path):

@@ -29,7 +29,8 @@ BEGINS = "import json, os, signal, socket, sys, time; link = socket.socket(filen
 LISTENS = (
     BEGINS
     + """
-found = [sys.argv[1:], os.getsid(0) == os.getpid(), os.readlink("/proc/self/fd/0"), os.readlink("/proc/self/fd/1")]
+found = [int(link.type), sys.argv[1:]]
+found += [os.getsid(0) == os.getpid(), os.readlink("/proc/self/fd/0"), os.readlink("/proc/self/fd/1")]
 link.send(b"armed")
 while not (found[-1] or "").startswith("over "):
     found.append(link.recv(5000).decode())
@@ -87,7 +88,8 @@ def test_a_guardian_is_told_of_its_run_and_gets_beats_and_the_end(plays, loaded,
         assert guard.pulse.guardian == GUARDIAN_OK
         guard.end = Over(("supply",), ("chamber",))
 
-    arguments, is_leader, stdin, stdout, *messages = plays(LISTENS, block)
+    kind, arguments, is_leader, stdin, stdout, *messages = plays(LISTENS, block)
+    assert kind == module.socket.SOCK_SEQPACKET  # a message is whole, or is not
     assert json.loads(arguments[0]) == sys.path
     text = loaded.document.text
     assert arguments[2:] == [
