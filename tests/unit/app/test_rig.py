@@ -14,6 +14,7 @@ from bench.rig import CLOSE_S, GRACE_S, MAKE_SAFE_S, OPEN_S, OpenError, Rig, dev
 from drivers.capabilities import Device
 from drivers.dialects.scpi_supply.driver import ScpiSupply
 from drivers.errors import CannotConnect, NoAnswer, Refused, WrongIdentity
+from drivers.safe_state import SafeState, at_rest
 from drivers.transport.wires import RealWires
 from drivers.values import Identity
 from tests.support.guarded import FakeAxis, FakeChamber, FakeSupply, at, does, forever, guarded, raises
@@ -289,6 +290,7 @@ def test_the_limits_are_those_of_the_drivers_and_of_a_hold(tmp_path):
     assert limits_s["chamber"] == 7 + 3 + 2 + 5
     assert limits_s["supply"] == bench.devices["supply"].safe_state.within_s + 2
     assert set(limits_s) == set(bench.devices)
+    assert at_rest(100.0, 50.0) == SafeState("at rest where it is", 2.0 + 5.0)
     head = bench.devices["head"]
     assert head.safe_state.words == "at rest where it is"
     assert limits_s["head"] == head.safe_state.within_s + 2
