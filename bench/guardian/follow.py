@@ -160,7 +160,7 @@ class Following:
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
         except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
-            course.unseen(now_s(), error_message(problem) or type(problem).__name__)
+            course.unseen(now_s(), error_message(problem))
 
     async def _visit(self, role: str, course: Course) -> None:
         device = device_of(role, self._bench.devices[role], RealWires())

@@ -87,6 +87,16 @@ def test_one_that_does_not_die_is_told_as_dangerous_in_time(monkeypatch):
         )
 
 
+def test_one_that_ends_by_itself_meanwhile_needs_no_killing(monkeypatch):
+    def gone(*_arguments: object) -> None:
+        raise ProcessLookupError
+
+    monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
+    monkeypatch.setattr(core.signal, "pidfd_send_signal", gone)
+    with runner() as (_process, pidfd, _near, far):
+        assert watch(far, pidfd, 0.3).why.startswith("the process of the run did not respond for 0.3 s")
+
+
 def test_silence_counts_only_while_the_guardian_ticks(monkeypatch):
     ticks: list[float] = []
 
@@ -125,8 +135,10 @@ def test_beats_of_a_loop_that_does_not_turn_are_silence():
 
         beating = threading.Thread(target=beat_on)
         beating.start()
+        begun_s = time.monotonic()
         try:
             assert "did not respond for 1 s" in watch(far, pidfd, 1.0).why
+            assert time.monotonic() - begun_s >= 0.95
         finally:
             stop.set()
             beating.join()
