@@ -52,6 +52,14 @@ def test_a_run_that_has_died_does(may_hold):
         assert watch(far, pidfd) == Lost("the process of the run has died", may_hold)
 
 
+def test_a_link_that_is_reset_is_closed():
+    with runner() as (process, pidfd, near, far):
+        far.send(b"never read")
+        process.kill()
+        near.close()
+        assert watch(far, pidfd) == Lost("the process of the run has died")
+
+
 def test_one_that_has_died_and_whose_link_a_child_still_has_does_too():
     with runner() as (process, pidfd, near, far):
         near.send(beat(1, 0, {}, waits=False, may_hold=True))
