@@ -68,6 +68,7 @@ night: $(VENV)/.dev
 # hostile: 100,000 mutated and hostile documents: each is read, or refused in our own words, within 100 ms.
 # trials: record, safe state, locks and control, in one table; `python -m campaigns.trials --scale 0.05` is a sample.
 # reliability: the scorecard, trials by the hundred; without MINUTES the table as it is.
+# No part of a night, because it needs root and mutmut: `python -m campaigns.mutants --minutes 60`, which tries the tests.
 truth faults hostile trials reliability: $(VENV)/.dev
 	$(BIN)/python -m campaigns.night $@ --minutes $(MINUTES)
 

@@ -135,7 +135,7 @@ class Following:
                 return self._end() and good
             now_s = self._now_s()
             due_s = [course.hold_ends_s - now_s for course in left.values() if course.is_held and not course.is_over]
-            self._ends.wait(max(0.0, min([pause_s, *(each for each in due_s if each > 0)])))
+            self._ends.wait(min([pause_s, *(each for each in due_s if each > 0)]))
             pause_s = min(2 * pause_s, EVERY_S)
         return good
 
@@ -160,7 +160,7 @@ class Following:
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
         except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
-            course.unseen(now_s(), error_message(problem) or type(problem).__name__)
+            course.unseen(now_s(), error_message(problem))
 
     async def _visit(self, role: str, course: Course) -> None:
         device = device_of(role, self._bench.devices[role], RealWires())
@@ -231,6 +231,7 @@ def in_own_process(following: Callable[[], Following]) -> None:
     if os.fork():
         os.close(done)
         os.read(ready, 1)
+        os.close(ready)
         return
     try:
         os.setsid()

@@ -75,7 +75,7 @@ class Counters:
         counts["commits of the record"] = content.get("commits") if content.get("waits") is True else None
         for name, count in counts.items():
             stands = count is not None and count == self._last.get(name)
-            self._standing_s[name] = self._standing_s.get(name, 0.0) + BEAT_S if stands else 0.0
+            self._standing_s[name] = self._standing_s[name] + BEAT_S if stands else 0.0
         self._last = counts
         self._judge()
         return True

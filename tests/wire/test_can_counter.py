@@ -18,6 +18,7 @@ from drivers.dialects.can_counter.wire import (
     decode_counts,
     decode_positions,
     latches,
+    newest_counts,
     temperatures,
 )
 from drivers.transport import slcan
@@ -328,3 +329,18 @@ def test_the_wire_format_loads_no_transport() -> None:
     unmeasured = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE")}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=unmeasured)
     assert done.stdout.strip() == "[]"
+
+
+def test_the_newest_counts_are_those_of_the_last_frame_of_each_channel() -> None:
+    found = newest_counts(FORM, frames(*TWO_LATCHES))
+    assert {name: counts for name, (_, counts) in found.items()} == {
+        "x": (0x382, 7), "y": (0, 0x123457), "z": (1, 2),
+    }  # fmt: skip
+    assert found["x"][0] == frames(*TWO_LATCHES).at_s[6]
+    assert newest_counts(FORM, frames(TWO_LATCHES[1])).keys() == {"x"}
+    assert newest_counts(FORM, FrameBlock.empty()) == {}
+
+
+def test_a_channel_that_is_silent_is_found_where_its_last_frame_is() -> None:
+    many = frames(TWO_LATCHES[3], *TWO_LATCHES[1:3] * 2000)
+    assert newest_counts(FORM, many)["z"][1] == (1, 2)

@@ -185,3 +185,17 @@ def test_it_counts_lines_that_come_too_soon(chamber: SimulatedP300, clock: Clock
     for clock.now_s, hurried in ((0.4, 1), (0.7, 1), (0.8, 2)):
         talk(chamber, b"TEMP?")
         assert chamber.hurried == hurried
+
+
+@pytest.mark.parametrize(
+    ("other", "agrees"),
+    [
+        (Temperatures(20.25, 25.0, 100.0, -40.0), True),
+        (Temperatures(19.75, 25.0, 100.0, -40.0), True),
+        (Temperatures(20.3, 25.0, 100.0, -40.0), False),
+        (Temperatures(20.0, 25.1, 100.0, -40.0), False),
+        (Temperatures(20.0, 25.0, 100.0, -40.1), False),
+    ],
+)
+def test_two_answers_agree_whose_air_alone_is_a_little_different(other: Temperatures, agrees: bool) -> None:
+    assert wire.agree(Temperatures(20.0, 25.0, 100.0, -40.0), other) is agrees

@@ -252,3 +252,25 @@ def test_what_drivers_of_other_supplies_set_and_ask(supply: SimulatedSupply, wor
     assert talk(supply, b"VOLT:PROT:TRIP?", b"OUTP:PROT:CLE", b"VOLT:PROT:TRIP?", b"OUTP ON", b"OUTP?") == [
         b"1\n", b"", b"0\n", b"", b"1\n",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("voltage_v", "current_a", "is_steady"),
+    [
+        (10.0, 0.1, True),
+        (10.5, 0.109, True),
+        (9.5, 0.091, True),
+        (10.53, 0.1, False),
+        (10.0, 0.111, False),
+        (-10.0, 0.1, False),
+    ],
+)
+def test_a_steady_output_is_nearly_the_same_twice(voltage_v: float, current_a: float, is_steady: bool) -> None:
+    setting = Setting(10.0, 0.2, True)
+    assert wire.steady(State(10.0, 0.1, setting), State(voltage_v, current_a, setting)) is is_steady
+    assert wire.steady(State(0.0, 0.0, setting), State(0.02, 0.005, setting))
+    assert not wire.steady(State(0.0, 0.0, setting), State(0.021, 0.0, setting))
+
+
+def test_what_is_switched_off_has_no_watchdog() -> None:
+    assert Setting(10.0, 0.2, True, 5.0).switched_off() == Setting(10.0, 0.2, False, 0.0)

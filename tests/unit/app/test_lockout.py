@@ -55,7 +55,10 @@ def test_who_and_why_are_on_record(bench, state):
     lift(bench, wall_utc(), "B. Person", "done")
     assert why_locked_out(load_bench(bench).bench) == ""
     log = [json.loads(line) for line in (state / "lockouts.jsonl").read_text("utf-8").splitlines()]
-    assert [(entry["what"], entry["by"]) for entry in log] == [("set", "A. Person"), ("lifted", "B. Person")]
+    assert [(entry["what"], entry["by"], entry["reason"], entry["bench"]) for entry in log] == [
+        ("set", "A. Person", "the coil is changed", str(bench.resolve())),
+        ("lifted", "B. Person", "done", str(bench.resolve())),
+    ]
 
 
 def test_another_file_with_the_same_instruments_is_locked_out_too(bench, tmp_path):

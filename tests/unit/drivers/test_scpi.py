@@ -231,3 +231,21 @@ def test_some_tell_their_errors_with_a_sign() -> None:
 
 def test_a_number_may_be_the_least_or_the_most() -> None:
     assert [setting(word, -2.0, 5.0) for word in ("MIN", "maximum", "3")] == [-2.0, 5.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ("notation", "fits", "fits_not"),
+    [
+        (
+            "[SOURce:]CURRent:COMPliance",
+            ["CURR:COMP", "SOURCE:CURRENT:COMP", "SOUR:CURR:COMPLIANCE"],
+            ["CURR", "SOURC:CURR:COMP"],
+        ),
+        ("OUTPut[:STATe]?", ["OUTP?", "OUTPUT:STAT?"], ["OUTP", "OUTP:?"]),
+        ("*CLS", ["*CLS"], ["CLS", "**CLS"]),
+    ],
+)
+def test_a_header_is_known_in_every_form_of_the_manual(notation, fits, fits_not):
+    scpi.header.cache_clear()
+    assert all(scpi.header(notation).fullmatch(each) for each in fits)
+    assert not any(scpi.header(notation).fullmatch(each) for each in fits_not)

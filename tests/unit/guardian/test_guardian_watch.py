@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 
@@ -43,18 +43,28 @@ def test_a_run_that_is_over_needs_no_rescue():
         assert watch(far, pidfd) == Over()
 
 
-def test_a_run_that_has_died_does():
+@pytest.mark.parametrize("may_hold", [True, False])
+def test_a_run_that_has_died_does(may_hold):
     with runner() as (process, pidfd, near, far):
-        near.send(BEAT)
+        near.send(beat(1, 0, {}, waits=False, may_hold=may_hold))
+        process.kill()
+        near.close()
+        assert watch(far, pidfd) == Lost("the process of the run has died", may_hold)
+
+
+def test_a_link_that_is_reset_is_closed():
+    with runner() as (process, pidfd, near, far):
+        far.send(b"never read")
         process.kill()
         near.close()
         assert watch(far, pidfd) == Lost("the process of the run has died")
 
 
 def test_one_that_has_died_and_whose_link_a_child_still_has_does_too():
-    with runner() as (process, pidfd, _near, far):
+    with runner() as (process, pidfd, near, far):
+        near.send(beat(1, 0, {}, waits=False, may_hold=True))
         process.kill()
-        assert watch(far, pidfd) == Lost("the process of the run has died")
+        assert watch(far, pidfd) == Lost("the process of the run has died", may_hold=True)
 
 
 def test_one_that_lives_and_has_closed_its_link_does(monkeypatch):
@@ -75,6 +85,26 @@ def test_a_silent_one_is_killed_and_not_before():
         assert process.wait() == -signal.SIGKILL
 
 
+def test_one_that_does_not_die_is_told_as_dangerous_in_time(monkeypatch):
+    monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
+    monkeypatch.setattr(core.signal, "pidfd_send_signal", lambda *_: None)
+    with runner() as (_process, pidfd, _near, far):
+        assert watch(far, pidfd, 0.3) == Lost(
+            "the process of the run did not respond for 0.3 s and was killed, but does not end: "
+            "it may still send commands"
+        )
+
+
+def test_one_that_ends_by_itself_meanwhile_needs_no_killing(monkeypatch):
+    def gone(*_arguments: object) -> None:
+        raise ProcessLookupError
+
+    monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
+    monkeypatch.setattr(core.signal, "pidfd_send_signal", gone)
+    with runner() as (_process, pidfd, _near, far):
+        assert watch(far, pidfd, 0.3).why.startswith("the process of the run did not respond for 0.3 s")
+
+
 def test_silence_counts_only_while_the_guardian_ticks(monkeypatch):
     ticks: list[float] = []
 
@@ -89,7 +119,7 @@ def test_silence_counts_only_while_the_guardian_ticks(monkeypatch):
         assert watch(far, pidfd, 5 * core.TICK_S) == Over()
 
 
-@pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"nonsense"])
+@pytest.mark.parametrize("content", [b"", b"\0" * 5000, b"nonsense", b"beat " + b"[" * 4000])
 def test_no_message_is_taken_for_an_end(content, monkeypatch):
     monkeypatch.setattr(core, "DIE_WITHIN_S", 0.1)
     with runner() as (_process, pidfd, near, far):
@@ -113,8 +143,10 @@ def test_beats_of_a_loop_that_does_not_turn_are_silence():
 
         beating = threading.Thread(target=beat_on)
         beating.start()
+        begun_s = time.monotonic()
         try:
             assert "did not respond for 1 s" in watch(far, pidfd, 1.0).why
+            assert time.monotonic() - begun_s >= 0.95
         finally:
             stop.set()
             beating.join()
@@ -159,13 +191,15 @@ def test_a_disk_that_does_not_answer_is_an_alarm_and_never_the_end():
 
 def test_a_run_whose_instrument_is_not_polled_is_killed():
     with runner() as (process, pidfd, near, far):
+        near.setblocking(False)
         stop = threading.Event()
 
         def beat_on():
             for turns in range(10_000):
                 if stop.wait(0.002):
                     return
-                near.send(beat(turns, 0, {"supply": 3}, waits=False, may_hold=True))
+                with suppress(BlockingIOError):  # a guardian that has seen enough reads no more
+                    near.send(beat(turns, 0, {"supply": 3}, waits=False, may_hold=True))
 
         beating = threading.Thread(target=beat_on)
         beating.start()

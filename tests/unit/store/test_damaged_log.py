@@ -12,6 +12,7 @@ import pytest
 
 from bench.quality import Valid
 from bench.store.verify import examine
+from bench.store.wal import UnreadablePart, unreadable_part
 from bench.store.writer import RunWriter
 
 FRAME = 24 + 4096
@@ -89,12 +90,16 @@ def cut_in_a_frame(data):
     del data[last_commit(data)[-1] + 100 :]
 
 
+def cut_by_a_byte(data):
+    del data[-1:]
+
+
 def old_frames_behind(data):
     data[-700] ^= 1
     data += bytes(data[HEADER : HEADER + 8]) + b"old salt" + bytes(data[HEADER + 16 : HEADER + FRAME])
 
 
-@pytest.mark.parametrize("cut", [blank_last_sector, cut_in_a_frame, old_frames_behind])
+@pytest.mark.parametrize("cut", [blank_last_sector, cut_in_a_frame, cut_by_a_byte, old_frames_behind])
 def test_what_a_power_cut_may_have_left_is_a_remark(interrupted, cut):
     record = altered(interrupted, cut)
     assert (record.commits, record.damage) == (COMMITS - 1, ())
@@ -140,3 +145,34 @@ def test_what_is_no_file_in_place_of_one_is_said_and_not_waited_for(interrupted,
     path.unlink(missing_ok=True)
     make(path)
     assert f"{path}: {reported}" in examine(interrupted).damage
+
+
+def test_a_log_with_checksums_of_the_other_order_is_read(tmp_path):
+    """SQLite writes them in the order of its machine, and reads both."""
+    page, salts = 512, (7, 9)
+    words = struct.pack(">6I", 0x377F0683, 3007000, page, 0, *salts)
+    total = checksum((0, 0), words)
+    data = words + struct.pack(">2I", *total)
+    for commit in (1, 2):
+        head, content = struct.pack(">2I", 1, commit), bytes(range(256)) * 2
+        total = checksum(checksum(total, head), content)
+        data += head + struct.pack(">4I", *salts, *total) + content
+    log = tmp_path / "log"
+    log.write_bytes(data)
+    assert unreadable_part(log) is None
+    log.write_bytes(data[:-1] + b"\0")
+    assert unreadable_part(log) == UnreadablePart(1, damage=True)
+    log.write_bytes(data[:8] + b"\0\0\1\0" + data[12:])
+    assert unreadable_part(log) == UnreadablePart(-1, damage=True)
+    for rest in (data[:31], bytes(32)):
+        log.write_bytes(rest)
+        assert unreadable_part(log) is None
+
+
+def checksum(total, data):
+    """That of SQLite's log, over big-endian words."""
+    first, second = total
+    for even, odd in struct.iter_unpack(">2I", data):
+        first = (first + even + second) % 2**32
+        second = (second + odd + first) % 2**32
+    return first, second

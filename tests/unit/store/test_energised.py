@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from bench.errors import StoreError
-from bench.store.energised import FOLDER, energised, note_energised, note_safe
+from bench.store.energised import FOLDER, MADE_SAFE, energised, note_energised, note_safe, record_made_safe
 from bench.store.user_state import state_folder
 
 SUPPLY, SOURCE = "tcp://10.0.0.1:5025", "serial:///dev/ttyUSB0"
@@ -70,3 +71,30 @@ def test_a_folder_that_cannot_be_made_is_an_error_in_words(tmp_path, monkeypatch
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     with pytest.raises(StoreError, match="register of energised benches cannot be used"):
         note("runs/a", supply=SUPPLY)
+
+
+def test_how_a_bench_was_made_safe_by_hand_is_appended(tmp_path):
+    for role in ("supply", "°"):
+        record_made_safe(tmp_path / "bench.yaml", datetime(2026, 1, 1, tzinfo=UTC), [{"role": role, "state": "safe"}])
+    lines = (state_folder() / MADE_SAFE).read_text("utf-8").splitlines()
+    assert [json.loads(line) for line in lines] == [
+        {"bench": str(tmp_path / "bench.yaml"), "at": "2026-01-01T00:00:00+00:00",
+         "lanes": [{"role": role, "state": "safe"}]}
+        for role in ("supply", "°")
+    ]  # fmt: skip
+    assert "°" in lines[1]
+
+
+def test_that_it_cannot_be_appended_is_told(tmp_path):
+    (state_folder() / MADE_SAFE).mkdir()
+    with pytest.raises(StoreError, match=r"^how the bench was made safe cannot be recorded \("):
+        record_made_safe(tmp_path / "bench.yaml", datetime(2026, 1, 1, tzinfo=UTC), [])
+
+
+def test_that_the_folder_of_all_users_is_out_of_reach_is_told(monkeypatch):
+    note("runs/a", supply=SUPPLY)
+    monkeypatch.setattr("bench.store.energised.problem_to_read", lambda: "this user may not read it")
+    problems: list[StoreError] = []
+    assert [Path(each.run).name for each in energised(problems.append)] == ["a"]
+    (problem,) = problems
+    assert str(problem) == "what runs of other users have left on is not known: this user may not read it"

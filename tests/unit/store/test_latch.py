@@ -56,6 +56,7 @@ def test_the_act_of_a_guardian_latches_until_it_is_acknowledged(run):
     assert why(run) == ""
     (entry,) = map(json.loads, (run / ACKNOWLEDGED).read_text("utf-8").splitlines())
     assert (entry["by"], entry["reason"]) == ("A. Person", "the fuse was replaced")
+    assert entry.keys() == {"at", "by", "reason", "of", "latch"}
     with pytest.raises(InputError, match="was acknowledged before"):
         acknowledge(run, "A. Person", "again")
 
@@ -193,3 +194,48 @@ def test_on_the_command_line(run, capsys):
     assert main(["runs", "verify", str(run)]) == 0
     shown = capsys.readouterr()
     assert "not covered by the seal: acknowledged.jsonl" in shown.out + shown.err
+
+
+def test_a_chamber_that_has_not_arrived_latches_and_a_damaged_entry_too(run):
+    entry = {"event": "not_arrived", "role": "chamber", "why": "the air is at 60 °C"}
+    lines = [json.dumps(entry), json.dumps({"event": "arrived", "role": "other"}), "{", json.dumps({})]
+    (run / "followed.jsonl").write_text("\n".join(lines), "utf-8")
+    assert why(run) == (
+        "chamber has not arrived at its safe set point: the air is at 60 °C; "
+        "a chamber has not arrived at its safe set point: unreadable; "
+        "a chamber has not arrived at its safe set point: unreadable"
+    )
+
+
+def test_an_incident_without_a_begin_is_named(run):
+    (run / INCIDENT).write_text(json.dumps({"event": "ends", "unsafe": "supply"}) + "\n", "utf-8")
+    assert why(run) == "its guardian has written incident.jsonl; the guardian could not make supply safe"
+
+
+def test_what_another_run_has_left_on_holds_up_no_acknowledgement(run, tmp_path):
+    incident(run)
+    note_energised(tmp_path / "other", tmp_path / "b.yaml", wall_utc(), {"supply": "tcp://127.0.0.1:5025"})
+    acknowledge(run, "A. Person", "looked at")
+    assert why(run) == ""
+
+
+def test_what_is_held_by_a_guardian_may_be_on(run, tmp_path):
+    incident(run)
+    connections = {"chamber": "tcp://127.0.0.1:1502", "supply": "tcp://127.0.0.1:5025"}
+    note_energised(run, tmp_path / "b.yaml", wall_utc(), connections)
+    with pytest.raises(InputError, match=r": supply may still be energised"):
+        acknowledge(run, "A. Person", "looked at", lambda address: address.endswith(":1502"))
+    acknowledge(run, "A. Person", "looked at", lambda _address: True)
+
+
+def test_what_is_not_safe_has_its_address_on_record(run, tmp_path):
+    at = wall_utc()
+    path = write_unsafe(run, at, {"supply": "no answer", "head": "stuck"}, {"supply": "tcp://127.0.0.1:5025"})
+    assert json.loads(path.read_text("utf-8")) == {
+        "schema": "itb-unsafe/1", "run": str(run), "at": at.isoformat(timespec="seconds"),
+        "unsafe": {
+            "supply": {"why": "no answer", "connection": "tcp://127.0.0.1:5025"},
+            "head": {"why": "stuck", "connection": ""},
+        },
+    }  # fmt: skip
+    assert why(run) == "supply could not be made safe: no answer; head could not be made safe: stuck"
