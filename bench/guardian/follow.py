@@ -35,6 +35,7 @@ from bench.runner.held import (
 from bench.store.energised import note_safe
 from bench.store.followed import FOLLOWED
 from drivers.capabilities import ThermalChamber
+from drivers.errors import DriverError
 from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
 from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import RealWires
@@ -159,6 +160,10 @@ class Following:
                 asyncio.run(self._visit(role, course))
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
+        except DriverError as problem:
+            course.unseen(now_s(), str(problem))
+        except TimeoutError:
+            course.unseen(now_s(), f"{role}: does not answer in time")
         except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
             course.unseen(now_s(), error_message(problem))
 

@@ -449,7 +449,7 @@ def test_a_look_ends_in_time(sent, chamber, monkeypatch, hangs):
     monkeypatch.setattr(module, "CLOSE_S", 0.05)
     monkeypatch.setattr(FakeChamber, hangs, forever)
     sent._look("chamber", sent.courses["chamber"])
-    assert (sent.courses["chamber"].why_unseen == "") == (hangs == "__aexit__")
+    assert sent.courses["chamber"].why_unseen == ("" if hangs == "__aexit__" else "chamber: does not answer in time")
     sent.close()
 
 
