@@ -135,6 +135,8 @@ class Following:
             if self._ends.is_set():
                 return self._end() and good
             now_s = self._now_s()
+            if all(course.is_over for course in left.values()):
+                return good
             due_s = [course.hold_ends_s - now_s for course in left.values() if course.is_held and not course.is_over]
             self._ends.wait(min([pause_s, *(each for each in due_s if each > 0)]))
             pause_s = min(2 * pause_s, EVERY_S)

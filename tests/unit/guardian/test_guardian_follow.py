@@ -421,6 +421,14 @@ def test_an_address_that_is_taken_meanwhile_is_in_use(sent, chamber, clock, monk
     sent.close()
 
 
+def test_nothing_is_waited_for_after_the_last_chamber_has_arrived(sent, chamber):
+    chamber.now = at(25.0, 25.0)
+    with sent:
+        assert sent.follow()
+    assert sent.courses["chamber"].end.event == "arrived"
+    assert sent._ends.waits == []
+
+
 def test_a_chamber_that_does_not_answer_is_unseen_and_left(sent, chamber, clock):
     chamber.is_silent = True
     clock[0] = 601.0
