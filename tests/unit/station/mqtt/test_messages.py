@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bench.clock import Stopwatch, wall_utc
+from bench.clock import wall_utc
 from bench.errors import InputError
+from bench.station.mqtt import shown
 from bench.station.mqtt.connection import LONGEST_WAIT_S, Backoff
 from bench.station.mqtt.home_assistant import announcement
 from bench.station.mqtt.orders import Orders
@@ -103,7 +104,17 @@ def test_an_end_that_moves_by_seconds_is_not_sent_again():
     assert ends(31) != first
 
 
-def test_readings_are_decimated_and_carry_bench_time_and_instant():
+def test_readings_are_decimated_and_carry_bench_time_and_instant(monkeypatch):
+    now = [0.0]
+
+    class At:
+        def __init__(self):
+            self.begun_s = now[0]
+
+        def elapsed_s(self):
+            return now[0] - self.begun_s
+
+    monkeypatch.setattr(shown, "Stopwatch", At)
     made = show(readings_every="0.2 s")
     topic = "bench/lab3/left/readings/head.angle"
 
@@ -114,10 +125,10 @@ def test_readings_are_decimated_and_carry_bench_time_and_instant():
     first = json.loads(read(0.5)[topic])
     assert (first["value"], first["unit"], first["quality"], first["at_s"]) == (1.5, "°", "valid", 9.5)
     assert datetime.fromisoformat(first["at"]) == NOW + timedelta(seconds=7.5)
-    watch, sent = Stopwatch(), 0
-    while watch.elapsed_s() < 0.5:
-        sent += len(read(0.001 * sent + watch.elapsed_s()))
-    assert sent == 2
+    sent = []
+    for now[0] in (0.1, 0.19, 0.2, 0.3, 0.39, 0.41, 0.5):
+        sent += [now[0] for _ in read(now[0])]
+    assert sent == [0.2, 0.41]
     stale = show().of(view(run_view(readings=[ReadingView(name="x", quality="stale", why="silent")])), {}).readings
     assert json.loads(stale["bench/lab3/left/readings/x"])["value"] is None
 
