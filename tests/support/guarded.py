@@ -145,3 +145,21 @@ def raises(*problems: BaseException | None) -> Callable[[int], None]:
 def forever(_count: int) -> Any:
     """Not end."""
     return asyncio.sleep(1e6)
+
+
+class Ends:
+    """The request to end, which notes for how long it was waited for instead of waiting."""
+
+    def __init__(self, then: Callable[[int], object] = lambda _count: None) -> None:
+        self.waits: list[float] = []
+        self._then, self._is_set = then, False
+
+    def wait(self, limit_s: float) -> None:
+        self.waits.append(limit_s)
+        self._then(len(self.waits))
+
+    def set(self) -> None:
+        self._is_set = True
+
+    def is_set(self) -> bool:
+        return self._is_set
