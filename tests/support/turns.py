@@ -1,7 +1,8 @@
-"""A pytest plugin: campaigns among the slow tests take turns; BENCH_TURN=1/3 leaves out all but a third of them.
+"""A pytest plugin: slow tests take turns; BENCH_TURN=1/3 leaves out all but a third of their files.
 
 CI takes its turn from the time of the commit, so that a few commits run all of them; `make slow` runs all at once. A
-turn has every n-th file of these folders, in alphabetical order.
+turn has every n-th file of campaigns and every n-th of the others, in alphabetical order, and the files that are
+ALWAYS run: what safety, security and a first use stand on.
 """
 
 from __future__ import annotations
@@ -11,16 +12,24 @@ import os
 import pytest
 
 CAMPAIGNS = ("tests/campaigns/", "tests/system/methods/", "tests/truth/")
+ALWAYS = tuple(
+    f"tests/integration/test_{name}.py"
+    for name in (
+        "a_day", "guardian", "mqtt", "station", "station_in_hostile_browser", "station_under_attack", "wheel", "wires"
+    )
+)  # fmt: skip
 Turn = tuple[int, int]  # its number from 1 on, and how many there are
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out the campaigns whose turn it is not."""
+    """Leave out the slow tests whose turn it is not."""
     if (turn := turn_of(os.environ.get("BENCH_TURN", "1/1"))) == (1, 1):
         return
-    out = left_out({path for item in items if (path := _campaign(item)) is not None}, turn)
-    config.hook.pytest_deselected(items=[item for item in items if _campaign(item) in out])
-    items[:] = [item for item in items if _campaign(item) not in out]
+    out = left_out({_file(item) for item in items if "slow" in item.keywords}, turn)
+    gone = [item for item in items if "slow" in item.keywords and _file(item) in out]
+    config.hook.pytest_deselected(items=gone)
+    left = set(gone)
+    items[:] = [item for item in items if item not in left]
 
 
 def turn_of(text: str) -> Turn:
@@ -34,9 +43,10 @@ def turn_of(text: str) -> Turn:
 def left_out(files: set[str], turn: Turn) -> set[str]:
     """Return the files whose turn it is not."""
     number, turns = turn
-    return {file for place, file in enumerate(sorted(files)) if place % turns != number - 1}
+    campaigns = sorted(file for file in files if file.startswith(CAMPAIGNS))
+    others = sorted(files.difference(campaigns, ALWAYS))
+    return {file for part in (campaigns, others) for place, file in enumerate(part) if place % turns != number - 1}
 
 
-def _campaign(item: pytest.Item) -> str | None:
-    path = item.nodeid.partition("::")[0]
-    return path if path.startswith(CAMPAIGNS) and "slow" in item.keywords else None
+def _file(item: pytest.Item) -> str:
+    return item.nodeid.partition("::")[0]

@@ -1,16 +1,22 @@
-"""Turns leave out campaigns, and together leave out none."""
+"""Turns leave out slow tests, and together leave out none."""
 
 import pytest
 
-from tests.support.turns import CAMPAIGNS, left_out, turn_of
+from tests.support.turns import ALWAYS, CAMPAIGNS, left_out, turn_of
 
 FILES = {f"tests/truth/test_{letter}.py" for letter in "abcdefg"}
 
 
-def test_every_campaign_has_exactly_one_turn():
-    turns = [FILES - left_out(FILES, (number, 3)) for number in (1, 2, 3)]
-    assert sorted(file for each in turns for file in each) == sorted(FILES)
-    assert [len(each) for each in turns] == [3, 2, 2]
+def test_every_file_has_exactly_one_turn():
+    others = {f"tests/integration/test_{letter}.py" for letter in "abcde"}
+    turns = [(FILES | others) - left_out(FILES | others, (number, 3)) for number in (1, 2, 3)]
+    assert sorted(file for each in turns for file in each) == sorted(FILES | others)
+    assert [(len(each & FILES), len(each & others)) for each in turns] == [(3, 2), (2, 2), (2, 1)]
+
+
+def test_some_files_are_always_run(pytestconfig):
+    assert not any(left_out(set(ALWAYS), (number, 3)) for number in (1, 2, 3))
+    assert all((pytestconfig.rootpath / file).is_file() for file in ALWAYS)
 
 
 @pytest.mark.parametrize("text", ["", "1", "0/3", "4/3", "1/0", "-1/3", "a/b", "1/3/3"])
@@ -19,6 +25,5 @@ def test_a_turn_that_cannot_be_is_refused(text):
         turn_of(text)
 
 
-def test_only_campaigns_take_turns(pytestconfig):
+def test_campaigns_are_folders(pytestconfig):
     assert all((pytestconfig.rootpath / folder).is_dir() for folder in CAMPAIGNS)
-    assert not any(folder.startswith("tests/integration") for folder in CAMPAIGNS)
