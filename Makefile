@@ -41,7 +41,7 @@ test-quick: $(VENV)/.dev $(VENV)/.assets lint
 # The other tests: truth over seeds, real stacks on loopback, whole benches. CI runs them after `make test`.
 # More workers than processors: many of these wait in real time.
 slow: $(VENV)/.dev $(VENV)/.assets
-	$(BIN)/pytest -n 6 --dist worksteal -m slow --durations 20 $$($(BIN)/python -m tests.support.budget slow)
+	$(BIN)/pytest -n 4 --dist worksteal -m slow --durations 20 $$($(BIN)/python -m tests.support.budget slow)
 
 # Everything above is on the interpreter of .venv; this is a quick part on the newest one that is there (or: NEWEST=…).
 newest:
