@@ -183,13 +183,17 @@ class Process:
         return content
 
     def until(self, condition: Callable[[], object]) -> None:
-        """Return when the condition is true, or the process has ended, or a minute has gone by."""
+        """Return when the condition is true, or the process has ended, or a minute has gone by.
+
+        In the latter cases print what the process said, for a test that fails.
+        """
         end_s = time.monotonic() + PROCESS_S
         while time.monotonic() < end_s and self.process.poll() is None:
             with contextlib.suppress(Exception):  # what is not there yet
                 if condition():
                     return
             time.sleep(0.02)
+        print(self.told.read_text("utf-8", "replace"))
 
     def until_step(self, step: str) -> None:
         """Return when a step has begun."""
