@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -74,6 +75,19 @@ def wait_for_ramp(runs: Path) -> None:
     raise AssertionError("it does not begin its ramp")
 
 
+@contextlib.contextmanager
+def held_terminals(folder: Path) -> Iterator[None]:
+    """Keep the pseudo-terminals of a bench: a run that has lost them owns their numbers, which others would get."""
+    links = [each for each in folder.rglob("*") if each.is_symlink() and each.resolve().parent == Path("/dev/pts")]
+    assert len(links) >= 2
+    held = [os.open(each, os.O_RDWR | os.O_NOCTTY) for each in links]
+    try:
+        yield
+    finally:
+        for each in held:
+            os.close(each)
+
+
 def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_path):
     with simulating(wired_bench) as laboratory:
         run = subprocess.Popen(
@@ -82,8 +96,9 @@ def test_when_the_laboratory_goes_away_the_run_ends_in_words(wired_bench, tmp_pa
         )  # fmt: skip
         wait_for_ramp(tmp_path / "runs")
         time.sleep(1)
-        laboratory.kill()
-        _, message = run.communicate(timeout=60)
+        with held_terminals(wired_bench.parents[1]):
+            laboratory.kill()
+            _, message = run.communicate(timeout=60)
     assert run.returncode == 6
     assert "chamber" in message
     assert "supply COULD NOT BE MADE SAFE: supply: no connection to" in message
