@@ -31,8 +31,8 @@ def content_hash(data: bytes) -> str:
     return f"sha256:{hashlib.sha256(data).hexdigest()}"
 
 
-def expect_private(path: Path, what: str, others: int = 0o077) -> None:
-    """Raise InputError unless a file with a secret is there, is of this user, and is not open to others.
+def expect_private(path: Path, what: str, others: int = 0o077, *, is_own: bool = False) -> None:
+    """Raise InputError unless a file with a secret is there and is not open to others; `is_own`: and is of this user.
 
     `what` names it in the message; `others` are the permissions that nobody else may have, 0 where it holds no secret.
     """
@@ -44,7 +44,7 @@ def expect_private(path: Path, what: str, others: int = 0o077) -> None:
         raise InputError(f"{what}: {path} is no file")
     if found.st_mode & others:
         raise InputError(f"{what}: {path} can be read by others; chmod 600 {path}; make a new secret if they may have")
-    if others and found.st_uid not in (0, os.geteuid()):
+    if is_own and found.st_uid != os.geteuid():
         raise InputError(f"{what}: {path} belongs to another user, who can read it; chown it to yourself")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import getpass
 import os
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +14,6 @@ from typing import Any, Protocol
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
 from bench.cli.streams import remark, say, say_json
 from bench.errors import InputError
-from bench.files import expect_private
 
 PASSWORD_LIMIT_BYTES = 1000
 ROLES = ("viewer", "operator", "engineer", "admin")
@@ -115,8 +115,9 @@ def _password(name: str, file: Path | None) -> str:
 
 
 def _password_of(file: Path) -> str:
-    expect_private(file, "password")
-    with file.open("rb") as opened:
+    with file.open("rb") as opened:  # which may be a pipe
+        if stat.S_IMODE(os.fstat(opened.fileno()).st_mode) & 0o077:
+            raise InputError(f"{file}: other users can read this password; chmod 600 {file}")
         text = opened.read(PASSWORD_LIMIT_BYTES + 1)
     try:
         return text.decode().rstrip("\r\n")

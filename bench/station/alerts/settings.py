@@ -100,7 +100,7 @@ def read_alerts(entry: AlertsEntry, beside: Path, benches: Collection[str]) -> A
     if unknown := sorted(named - set(benches)):
         raise InputError(f"same_person_as: the station has no bench '{unknown[0]}'; it has {', '.join(benches)}")
     path = beside / entry.addresses
-    expect_private(path, "addresses")
+    expect_private(path, "addresses", is_own=True)
     found = read_document(path).value
     urls = found.values() if isinstance(found, Mapping) else [None]
     if not all(isinstance(url, str) and urlsplit(url).scheme for url in urls):

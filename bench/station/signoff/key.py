@@ -81,7 +81,7 @@ def _credential(name: str) -> bytes:
 
 def read_secret(path: Path) -> bytes:
     """Return the content of a file that only the user of the station may read. Raises InputError."""
-    expect_private(path, "signature")
+    expect_private(path, "signature", is_own=True)
     try:
         return read_bounded(path, LIMIT_BYTES)
     except (OSError, UnfitFileError) as problem:
