@@ -248,6 +248,15 @@ class BenchFile(StrictModel):
         found = (each.outputs.get(channel) for each in self.devices.values() if channel is not None)
         return next((output for output in found if isinstance(output, Sampled)), None)
 
+    @property
+    def output_units(self) -> Mapping[str, str]:
+        """Return the units of the outputs that devices send, by DEVICE.CHANNEL."""
+        return {
+            f"{role}.{name}": output.unit
+            for role, entry in self.devices.items()
+            for name, output in entry.outputs.items()
+        }
+
     def nominal_per_g(self, place: str) -> float | None:
         """Return the nominal change of a unit's output for 1 g, in its unit; None if not stated."""
         entry = self.places[place]

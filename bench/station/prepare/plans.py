@@ -36,7 +36,7 @@ def timeline_of(request: RunRequest) -> dict[str, Any]:
     timeline = timeline_json(checked.expected, checked.bench)
     for step, span in zip(timeline["steps"], checked.expected.spans, strict=True):
         step["facts"] = {"phase": span.step.phase, **facts_of(span.step.step)}
-    return timeline | {"limits": _limits(checked.bench), "outputs": _outputs(checked.bench)}
+    return timeline | {"limits": _limits(checked.bench), "outputs": checked.bench.output_units}
 
 
 def facts_of(step: Step) -> dict[str, Any]:
@@ -58,9 +58,3 @@ def _limits(bench: BenchFile) -> dict[str, tuple[float, float]]:
     """Return the permitted ranges of named readings."""
     found = {name: reading.limits for name, reading in bench.readings.items()}
     return {name: (limits.min, limits.max) for name, limits in found.items() if limits is not None}
-
-
-def _outputs(bench: BenchFile) -> dict[str, str]:
-    """Return the units of the outputs that devices send, by DEVICE.CHANNEL."""
-    devices = bench.devices.items()
-    return {f"{role}.{name}": out.unit for role, entry in devices for name, out in entry.outputs.items()}

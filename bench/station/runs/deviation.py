@@ -29,7 +29,7 @@ DEVIATION = ".deviation"  # added to the name of a channel
 
 @dataclass(frozen=True, slots=True)
 class Stimulus:
-    """What acts on the units: angles of the axes moved so far, mount, and currents of sources that are on, in A.
+    """Stimulus of the units: angles of the axes moved so far, mount, and currents of sources that are on, in A.
 
     `moving` are the axes whose angles are not known; `input` is what feeds the converters.
     """
@@ -41,7 +41,7 @@ class Stimulus:
     sources_a: Mapping[str, float] = field(default_factory=dict)
 
     def after(self, event: Event, axes: Sequence[str]) -> Stimulus:
-        """Return what acts after an entry of the journal."""
+        """Return the stimulus after an entry of the journal."""
         data = event.data
         match event.kind:
             case "run_resumed":  # everything was off in between, and a person may have turned the table
@@ -66,7 +66,7 @@ class Stimulus:
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """What is expected of a sensor of the unit in a place, in `unit`.
+    """Expected output of a sensor of the unit in a place, in `unit`.
 
     `per_g` is the change of its output for 1 g, `per_a` for 1 A of the source of the place. `row` is that of its axis
     in the orientation of the unit: the input axis, or x, y and z.
@@ -92,9 +92,15 @@ class Expectation:
 
 
 @lru_cache(maxsize=32)  # the copy of the bench file in a run does not change
+def bench_of(run: Path) -> BenchFile:
+    """Return the bench of a run. Raises InputError."""
+    return load_kept_bench(run / BENCH_COPY)
+
+
+@lru_cache(maxsize=32)
 def expectations(run: Path) -> Mapping[str, Expectation]:
     """Return the expectation of each channel, as DEVICE.CHANNEL, of the bench of a run. Raises InputError."""
-    return dict(_expectations(load_kept_bench(run / BENCH_COPY)))
+    return dict(_expectations(bench_of(run)))
 
 
 def _expectations(bench: BenchFile) -> Iterator[tuple[str, Expectation]]:
@@ -113,7 +119,7 @@ def _expectations(bench: BenchFile) -> Iterator[tuple[str, Expectation]]:
 
 
 def course(tail: Tail, bench: BenchFile) -> list[tuple[float, Stimulus]]:
-    """Return what acts on the units of a bench from each instant on, as the journal has it; at first from -∞."""
+    """Return the stimulus of the units of a bench from each instant on, by the journal; the first is from -∞ on."""
     axes = list(bench.axes)
     named = [*axes, *bench.with_capability("current_source"), "mount", "input", "attitude", "angles_deg"]
     events = tail.steps_with([f'"{name}"' for name in named]) + tail.of_kinds(["run_resumed"], 1000)

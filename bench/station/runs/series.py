@@ -15,11 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.config.bench import load_kept_bench
 from bench.errors import BenchError, InputError
 from bench.metrology.acquisition import Counts, Positions
-from bench.reduce.stored_run import BENCH_COPY
-from bench.station.runs.deviation import DEVIATION, course, deviation, expectations
+from bench.station.runs.deviation import DEVIATION, bench_of, course, deviation, expectations
 from bench.store.database import unpack_all
 from bench.store.decoder import Decoder, decoders_of
 from bench.store.tail import Bucket, Tail, TailBlock
@@ -150,7 +148,7 @@ def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
 def decoders_in(run: Path) -> Mapping[str, Decoder]:
     """Return the decoders of the devices of a run that send frames, by role. Raises InputError."""
     try:
-        return decoders_of(load_kept_bench(run / BENCH_COPY).devices, run)
+        return decoders_of(bench_of(run).devices, run)
     except BenchError as problem:
         raise InputError(f"the frames of this run cannot be decoded ({problem})") from None
 
@@ -158,15 +156,13 @@ def decoders_in(run: Path) -> Mapping[str, Decoder]:
 @lru_cache(maxsize=16)
 def units_of(run: Path) -> Mapping[str, str]:
     """Return the units of the outputs that devices of a run send, by DEVICE.CHANNEL. Raises InputError."""
-    devices = load_kept_bench(run / BENCH_COPY).devices.items()
-    return {f"{role}.{name}": output.unit for role, entry in devices for name, output in entry.outputs.items()}
+    return bench_of(run).output_units
 
 
 @lru_cache(maxsize=16)
 def encoders_in(run: Path) -> frozenset[str]:
     """Return the readings of axes of a run whose encoders are latched, as DEVICE.angle. Raises InputError."""
-    devices = load_kept_bench(run / BENCH_COPY).devices.values()
-    return frozenset(angle_of(axis) for entry in devices for axis in entry.encoders)
+    return frozenset(angle_of(axis) for entry in bench_of(run).devices.values() for axis in entry.encoders)
 
 
 def angle_of(axis: str) -> str:

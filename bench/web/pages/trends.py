@@ -63,12 +63,11 @@ def _read(live: LiveRun) -> Trend:
     with suppress(BenchError):
         with Tail(path) as tail:
             units, (_, until_s) = tail.channels(), tail.span_s()
-        hours = thinned(path, units, max(0.0, until_s - HOUR_S), WIDTH_S)
+            hours = {name: tail.envelope(name, max(0.0, until_s - HOUR_S), WIDTH_S) for name in units}
         sent = (live.timeline or {}).get("outputs", ())
         outputs = thinned(path, sent, max(0.0, until_s - OUTPUTS_OVER_S), WIDTH_S)
         newest = {name: each.buckets[-1] for name, each in outputs.items() if each.buckets}
-        buckets = {name: each.buckets for name, each in hours.items()}
-        return Trend(until_s, buckets, newest, units=units, expected=_expected(live), **_soak(live, until_s))
+        return Trend(until_s, hours, newest, units=units, expected=_expected(live), **_soak(live, until_s))
     return Trend()
 
 
