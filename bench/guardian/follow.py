@@ -35,7 +35,6 @@ from bench.runner.held import (
 from bench.store.energised import note_safe
 from bench.store.followed import FOLLOWED
 from drivers.capabilities import ThermalChamber
-from drivers.errors import DriverError
 from drivers.kinds.chamber.description import ChamberOptions, ChamberSafe
 from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import RealWires
@@ -134,10 +133,11 @@ class Following:
             looked()
             if self._ends.is_set():
                 return self._end() and good
+            going_on = [course for course in left.values() if not course.is_over]
+            if not going_on:
+                break
             now_s = self._now_s()
-            if all(course.is_over for course in left.values()):
-                return good
-            due_s = [course.hold_ends_s - now_s for course in left.values() if course.is_held and not course.is_over]
+            due_s = [course.hold_ends_s - now_s for course in going_on if course.is_held]
             self._ends.wait(min([pause_s, *(each for each in due_s if each > 0)]))
             pause_s = min(2 * pause_s, EVERY_S)
         return good
@@ -162,12 +162,9 @@ class Following:
                 asyncio.run(self._visit(role, course))
         except InUseError as problem:
             course.unseen(now_s(), str(problem), in_use=True)
-        except DriverError as problem:
-            course.unseen(now_s(), str(problem))
-        except TimeoutError:
-            course.unseen(now_s(), f"{role}: does not answer in time")
         except Exception as problem:  # noqa: BLE001  after any error the next reading is tried
-            course.unseen(now_s(), error_message(problem))
+            is_late = type(problem) is TimeoutError  # that of a driver says more
+            course.unseen(now_s(), f"{role}: does not answer in time" if is_late else error_message(problem))
 
     async def _visit(self, role: str, course: Course) -> None:
         device = device_of(role, self._bench.devices[role], RealWires())
