@@ -29,6 +29,11 @@ def reading(found: Mapping[str, Any]) -> str:
     )
 
 
+def name_in_words(name: str) -> str:
+    """Return the name of a device, a channel or a limit in words; the rate of an axis is no pulse rate."""
+    return tr("turning rate" if name == "rate" else name.replace("_", " "))
+
+
 def number(value: float | None, unit: str = "", form: str = ".6g") -> str:
     """Return a number with a true minus sign and its unit; "?" for an unknown one."""
     if value is None:

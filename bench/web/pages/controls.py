@@ -9,7 +9,7 @@ from typing import NamedTuple
 from bench.figures.languages import tr
 from bench.station.instruments.view import InstrumentView, LimitView
 from bench.web.pages.readings import label
-from bench.web.shown import number
+from bench.web.shown import name_in_words, number
 
 NUMBER = re.compile(r"[+-]?\d+([.,]\d+)?")
 UNIT = "unit."  # prefix of the hidden field with the unit of an input
@@ -138,7 +138,7 @@ def _limit(each: InstrumentView, name: str, *, both: bool = False) -> str:
 
 def limit_name(limit: LimitView) -> str:
     """Return the name of a permitted range in words."""
-    return tr("turning rate") if limit.name == "rate" else tr(limit.name.replace("_", " "))
+    return name_in_words(limit.name)
 
 
 def limit_in_words(limit: LimitView, *, both: bool = False) -> str:

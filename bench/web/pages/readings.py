@@ -12,7 +12,7 @@ from bench.station.runs.live import LiveRun
 from bench.station.runs.series import PULSE_RATE
 from bench.web.pages.drawn import sparkline
 from bench.web.pages.trends import HOUR_S, Trend
-from bench.web.shown import ANY_FORM, FORMS, number
+from bench.web.shown import ANY_FORM, FORMS, name_in_words, number
 
 SET_POINT, PROCESS_VALUE = ".set_point", ".process_value"
 OLD_S = 10.0  # an age worth showing, in s of real time
@@ -72,9 +72,7 @@ def _outputs(live: LiveRun, trend: Trend) -> Iterator[Row]:
 def label(name: str) -> str:
     """Return the name of a reading in words; that of a device alone for its process value."""
     device, _, channel = name.removesuffix(PROCESS_VALUE).partition(".")
-    last = channel.rpartition(".")[2]
-    words = [device, "turning rate" if last == "rate" else last]
-    return " ".join(tr(word.replace("_", " ")) for word in words if word)
+    return " ".join(name_in_words(word) for word in (device, channel.rpartition(".")[2]) if word)
 
 
 def _target(live: LiveRun, name: str, planned: Mapping[str, Any], form: str) -> str:
