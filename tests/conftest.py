@@ -91,6 +91,13 @@ def _state_of_nobody(tmp_path_factory):
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("itb-state-"))
 
 
+@pytest.fixture
+def own_state(tmp_path, monkeypatch) -> Path:
+    """Folder of the records of this user, for one test alone."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "inertial-test-bench"
+
+
 @pytest.fixture(scope="session")
 def shared_runs(request, tmp_path_factory) -> SharedRuns:
     base = tmp_path_factory.getbasetemp()

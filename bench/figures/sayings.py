@@ -1,10 +1,10 @@
 """Translation of sentences that the program has made elsewhere: refusals, reasons, problems, and lines of a preflight.
 
 `translations/said_zh.json` has the sentences with their places in braces, as "run '{run}' is in progress; wait for its
-end". A sentence is recognised by the text between its places, and what stands in them is translated in the same way, or
-stays as it is: words of instruments and other programs, and what stands in quotes or in a place "{name}"; "{name_…}"
-holds a name without spaces, or a list of such. A place "{tail…}" may be empty. Several sentences, a list of
-them, and a sentence after what it is about are translated part by part.
+end". A sentence is recognised by the text between its places, and the text in a place is translated in the same way.
+Not translated are words of instruments and other programs, and names: text in quotes, in a place "{name}", and in a
+place "{name_…}", which holds a name without spaces or a list of such names. A place "{tail…}" may be empty. Several
+sentences, a list of sentences, and a sentence after its subject are translated part by part.
 """
 
 from __future__ import annotations

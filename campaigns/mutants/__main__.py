@@ -124,7 +124,7 @@ def carry_on(region: str, until_s: float, *, again: bool, far: bool) -> None:
                 raise RuntimeError("a mutant cannot be tried; root may make the namespaces that it needs")
             result = {0: "survived", TIMED_OUT: "timeout"}.get(status, "killed")
             with (BUILD / "results.jsonl").open("a", encoding="utf-8") as file:
-                file.write(json.dumps({**mutant.told(), "outcome": result, "far": far}, ensure_ascii=False) + "\n")
+                file.write(json.dumps({**mutant.fields(), "outcome": result, "far": far}, ensure_ascii=False) + "\n")
             took_s = time.monotonic() - began_s
             os.write(shown, f"{result} {took_s:.1f} s {mutant.file}:{mutant.line} {mutant.change[:100]}\n".encode())
 

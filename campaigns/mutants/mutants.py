@@ -26,8 +26,8 @@ class Mutant(NamedTuple):
     change: str
     code: Callable[[], str]
 
-    def told(self) -> dict[str, object]:
-        """Return what a result tells of the mutant."""
+    def fields(self) -> dict[str, object]:
+        """Return the fields of the mutant in a line of results."""
         return {"key": self.key, "line": self.line, "change": self.change}
 
     def place(self, seed: int) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import contextmanager
 from itertools import pairwise
 
 import pytest
@@ -65,6 +66,18 @@ COLUMNS = """title => {
 }"""
 
 
+@contextmanager
+def shown(tmp_path, bench, text, unit, speed):
+    """The page of a run of this text, with its plots kept; the run is aborted at the end."""
+    with watched(tmp_path, bench, text) as station, browsing() as seen:
+        seen.page.add_init_script(KEEP)
+        seen.log_in(station.url, station.code)
+        item = station.submit("one", bench=bench, units={"a": unit}, speed=speed)
+        yield station, seen.page
+        aborted(station, item)
+        assert seen.complaints == []
+
+
 def watched(tmp_path, bench, text):
     """A station whose only sequence is this text."""
     (tmp_path / "own").mkdir()
@@ -84,11 +97,7 @@ def known(column):
 
 
 def test_an_oscillation_is_an_envelope_and_in_the_scope_each_sample(tmp_path):
-    with watched(tmp_path, "gyro", OSCILLATES) as station, browsing() as seen:
-        page = seen.page
-        page.add_init_script(KEEP)
-        seen.log_in(station.url, station.code)
-        item = station.submit("one", bench="gyro", units={"a": "QG-0001"}, speed="5")
+    with shown(tmp_path, "gyro", OSCILLATES, "QG-0001", "5") as (station, page):
         page.wait_for_selector("text=Oscillating", timeout=LONG_MS)
         page.wait_for_selector("#plots canvas", timeout=LONG_MS)
 
@@ -109,16 +118,10 @@ def test_an_oscillation_is_an_envelope_and_in_the_scope_each_sample(tmp_path):
         assert max(angles) - min(angles) == pytest.approx(2 * AMPLITUDE_DEG, rel=0.02)
         jumps = [abs(b - a) for a, b in pairwise(angles)]
         assert max(jumps) < 2 * AMPLITUDE_DEG * math.pi * 0.5 * 0.03, "every sample is shown"
-        aborted(station, item)
-        assert seen.complaints == []
 
 
 def test_each_sensor_of_a_unit_that_sends_codes_has_its_curve_and_its_deviation(tmp_path):
-    with watched(tmp_path, "imu_telemetry", RESTS) as station, browsing() as seen:
-        page = seen.page
-        page.add_init_script(KEEP)
-        seen.log_in(station.url, station.code)
-        item = station.submit("one", bench="imu_telemetry", units={"a": "IMU-0001"}, speed="20")
+    with shown(tmp_path, "imu_telemetry", RESTS, "IMU-0001", "20") as (station, page):
         page.wait_for_selector("#plots canvas", timeout=LONG_MS)
         title = "Output minus expectation"
         station.until(lambda: len(known((page.evaluate(COLUMNS, title) or [[]])[0])) > 10, within_s=60)
@@ -129,5 +132,3 @@ def test_each_sensor_of_a_unit_that_sends_codes_has_its_curve_and_its_deviation(
         x, y, z = [known(column) for column in away[::3]]
         assert all(max(map(abs, each)) < 0.02 * 52_000 for each in (x, y, z)), "near the nominal unit"
         assert any(abs(value - 52_000) < 0.02 * 52_000 for value in known(outputs[0])), "x is up"
-        aborted(station, item)
-        assert seen.complaints == []

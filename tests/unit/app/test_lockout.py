@@ -31,9 +31,8 @@ from tests.support.served import on_real_wires
 
 
 @pytest.fixture(autouse=True)
-def state(tmp_path, monkeypatch) -> Path:
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    return tmp_path / "state" / "inertial-test-bench"
+def state(own_state) -> Path:
+    return own_state
 
 
 @pytest.fixture

@@ -17,10 +17,9 @@ from tests.support.guarded import Ends, FakeChamber, at, guarded
 
 
 @pytest.fixture(autouse=True)
-def state(tmp_path, monkeypatch) -> Path:
+def state(own_state) -> Path:
     """The records of this user."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    return tmp_path / "state" / "inertial-test-bench"
+    return own_state
 
 
 @pytest.fixture
