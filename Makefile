@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage night truth faults hostile trials reliability profile benchmark peers system-peers docs bundle clean
+.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage guardian-coverage night truth faults hostile trials reliability profile benchmark peers system-peers docs bundle clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -51,6 +51,10 @@ newest:
 coverage: $(VENV)/.dev $(VENV)/.assets
 	$(BIN)/pytest -n 2 --cov --cov-report= --dist worksteal
 	$(BIN)/coverage report --fail-under=90
+
+# All branches of the guardian, by its unit tests alone.
+guardian-coverage: $(VENV)/.dev
+	$(BIN)/pytest -q --cov=bench.guardian --cov-fail-under=100 --cov-report=term-missing tests/unit/guardian
 
 # The campaigns, whole: hours. Stopped, it goes on where it was; results by date are in build/night. The list of what is
 # done, with the time that each takes, is campaigns/night.py. The scorecard goes on for MINUTES where it was stopped.

@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 import threading
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -140,12 +140,11 @@ def _show_lane(notes: Notes, lane: Lane) -> None:
 def _held(addresses: Collection[Address], who: str) -> Iterator[None]:
     """Hold the locks of the addresses; InUseError if another program has one for longer than the dead run can."""
     with ExitStack() as held:
-        for left in reversed(range(ATTEMPTS)):
-            try:
+        for _ in range(ATTEMPTS - 1):
+            with suppress(InUseError):
                 held.enter_context(address_lock(addresses, who, Kind.RESCUE))
                 break
-            except InUseError:
-                if not left:
-                    raise
-                _pause(BETWEEN_ATTEMPTS_S)
+            _pause(BETWEEN_ATTEMPTS_S)
+        else:
+            held.enter_context(address_lock(addresses, who, Kind.RESCUE))
         yield

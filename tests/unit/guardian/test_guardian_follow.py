@@ -10,7 +10,7 @@ import pytest
 from bench.clock import wall_utc
 from bench.errors import InUseError, StoreError
 from bench.guardian import follow as module
-from bench.guardian.follow import Follower, guardian_of
+from bench.guardian.follow import Follower, Following, guardian_of
 from bench.runner.held import LOOKS, Kind, energising_addresses, owners
 from bench.store.energised import energised, note_energised
 from tests.support.guarded import Ends, FakeChamber, at
@@ -186,6 +186,13 @@ def test_a_chamber_that_cannot_be_made_safe_is_tried_again(held, chamber, clock,
     assert [each for each in events(entries) if each != "reading"] == [
         "held", "not_seen", "hold_ends", "commanded", "ended",
     ]  # fmt: skip
+
+
+def test_a_bench_without_a_chamber_has_nothing_to_follow(follower, bench, entries):
+    following = Following(follower, bench, ["supply"])
+    assert following.follow()
+    following.close()
+    assert [entry["event"] for entry in entries("followed.jsonl")] == ["commanded"]
 
 
 def test_a_glance_is_one_look(sent, chamber, entries):
