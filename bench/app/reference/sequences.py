@@ -73,6 +73,7 @@ def sequence_page() -> Blocks:
         "unit of the same kind will do where a key asks for one.\n"
         "* A *name* has at most 32 small letters, digits and `_`, a letter first.\n"
         "* A *list* is `[0°, 90°, 180°]`. A *range* `{from: 20 °C, to: 70 °C, step: 10 °C}` holds both its ends.\n"
+        "  The values of `{from: 1 Hz, to: 100 Hz, per_decade: 12}` have a constant ratio.\n"
         "* A *value* is a quantity, a number, a text, `true` or `false`.",
         table(("of", "units"), ((what, f"`{'` `'.join(units.split())}`") for what, units in UNITS.items())),
         "Units may be multiplied (`·`), divided (`/`) and raised (`m/s²`). `n` `µ` `m` `k` `M` go before `s` `m` `A` "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
@@ -13,20 +14,26 @@ from drivers.quantity.units import NO_DIMENSION, parse_unit, quoted
 from drivers.schema.suggest import did_you_mean
 
 LIST_LIMIT = 10_000
-_KEYS = ("from", "to", "step")
+_KEYS = ("from", "to", "step", "per_decade")
 _MARGIN = Decimal("1e-9")  # relative to a step: for units without exact decimals, such as radians
+_DIGITS, _MOST_PER_DECADE = 4, 1000  # significant ones of a value between the ends of a geometric range, all different
+_TEMPERATURE = parse_unit("°C").dimension
 
 # For the schema: permitted forms of a value, see value_of.
 QUANTITY_SCHEMA = {"type": ["string", "number"], "minLength": 1}
 _ONE = {"type": ["string", "number", "boolean"], "minLength": 1}
 _RANGE = {
     "type": "object",
-    "properties": {"from": QUANTITY_SCHEMA, "to": QUANTITY_SCHEMA, "step": QUANTITY_SCHEMA},
+    "properties": dict.fromkeys(_KEYS, QUANTITY_SCHEMA),
     "required": ["from", "to"],
+    "not": {"required": ["step", "per_decade"]},
     "additionalProperties": False,
 }
 _LIST = {"type": "array", "items": {"anyOf": [_ONE, _RANGE, {"type": "array"}]}}
-VALUE_SCHEMA = {"anyOf": [_ONE, _RANGE, _LIST], "description": "a value, a list of values, or a range {from, to, step}"}
+VALUE_SCHEMA = {
+    "anyOf": [_ONE, _RANGE, _LIST],
+    "description": "a value, a list of values, or a range {from, to, step} or {from, to, per_decade}",
+}
 
 
 def holds_expression(raw: object) -> bool:
@@ -37,8 +44,8 @@ def holds_expression(raw: object) -> bool:
 def value_of(raw: Any, names: Mapping[str, Value] | None = None) -> Value:
     """Value of a raw value, with expressions evaluated over `names`; raises ValueProblem.
 
-    Numbers are ratios or counts, text that is a quantity is one, `{from, to, step}` is a range with both its ends, and
-    lists of these are flattened.
+    Numbers are ratios or counts, text that is a quantity is one, `{from, to, step}` and `{from, to, per_decade}` are
+    ranges with both their ends, and lists of these are flattened.
     """
     if isinstance(raw, (list, tuple)):
         flat: list[Scalar] = []
@@ -59,21 +66,58 @@ def value_of(raw: Any, names: Mapping[str, Value] | None = None) -> Value:
 
 
 def _range(raw: Mapping[str, Any], names: Mapping[str, Value]) -> tuple[Quantity, ...]:
-    """Values of `{from, to, step}`, computed in decimals; without a step, counts increase by 1."""
+    """Values of `{from, to, step}` or `{from, to, per_decade}`, in decimals; without either, counts increase by 1."""
     if unknown := [key for key in raw if key not in _KEYS]:
         raise ValueProblem(f"unknown key {quoted(unknown[0])} in a range{did_you_mean(unknown[0], _KEYS)}")
     if missing := [key for key in ("from", "to") if key not in raw]:
         raise ValueProblem(f"a range needs '{missing[0]}'")
     first, last = (_quantity(raw[key], names, key) for key in ("from", "to"))
+    if "per_decade" in raw:
+        if "step" in raw:
+            raise ValueProblem("a range has 'step' or 'per_decade', not both")
+        return _geometric(first, _same("to", last, first), _quantity(raw["per_decade"], names, "per_decade"))
     if "step" not in raw and first.dimension != NO_DIMENSION:
         raise ValueProblem(f"a range from {in_words(first)} needs a 'step'")
-    step = _quantity(raw.get("step", 1), names, "step")
-    for what, other in (("to", last), ("step", step)):
-        if other.dimension != first.dimension:
-            raise ValueProblem(f"'{what}' of a range is {in_words(other)}, 'from' is {in_words(first)}")
+    step = _same("step", _quantity(raw.get("step", 1), names, "step"), first)
     if step.base_value <= 0:
         raise ValueProblem("the step of a range is above 0; the direction follows from its ends")
-    return _values(first, last, step)
+    return _values(first, _same("to", last, first), step)
+
+
+def _same(what: str, value: Quantity, first: Quantity) -> Quantity:
+    """Return `value`; ValueProblem if its dimension is not that of `first`."""
+    if value.dimension == first.dimension:
+        return value
+    raise ValueProblem(f"'{what}' of a range is {in_words(value)}, 'from' is {in_words(first)}")
+
+
+def _geometric(first: Quantity, last: Quantity, per_decade: Quantity) -> tuple[Quantity, ...]:
+    """Values with a constant ratio, at least `per_decade` of them to a factor of ten, and the ends as written.
+
+    Those between the ends have four significant digits, which names of steps and terminals of instruments can hold.
+    """
+    if first.dimension == _TEMPERATURE:
+        raise ValueProblem("temperatures have no ratio; use a range with 'step'")
+    if 0 in (first.base_value, last.base_value) or (first.base_value > 0) != (last.base_value > 0):
+        raise ValueProblem(
+            f"a range with 'per_decade' is from {in_words(first)} to {in_words(last)}, expected ends of one sign and "
+            "other than 0"
+        )
+    if per_decade.dimension != NO_DIMENSION or not 0 < per_decade.base_value <= _MOST_PER_DECADE:
+        raise ValueProblem(
+            f"'per_decade' of a range is {in_words(per_decade)}, expected a number up to {_MOST_PER_DECADE}"
+        )
+    begin, end = (Decimal(spell(quantity).split(" ")[0]) for quantity in (first, last))
+    intervals = abs((end / begin).log10()) * Decimal(per_decade.base_value)
+    if intervals >= LIST_LIMIT:
+        raise ValueProblem(f"a range of more than {LIST_LIMIT} values")
+    count = math.ceil(intervals - _MARGIN)
+    factor = parse_unit(spell(first).partition(" ")[2]).factor
+    between = (begin * (end / begin) ** (Decimal(index) / count) for index in range(1, count))
+    rounded = (Decimal(f"{value:.{_DIGITS}g}") for value in between)
+    ends = [Quantity(each.base_value, each.dimension) for each in (first, last)]
+    inner = [Quantity(float(Fraction(value) * factor), first.dimension) for value in rounded]
+    return (ends[0], *inner, ends[1]) if count else (ends[0],)
 
 
 def _values(first: Quantity, last: Quantity, step: Quantity) -> tuple[Quantity, ...]:

@@ -186,7 +186,7 @@ def test_a_repetition_adds_no_name_and_a_step_in_it_is_made_once(tmp_path):
         ("{from: 0, to: 1000000}", "a range of more than 10000 values"),
         ("{from: 0 °C, to: 90°, step: 5 °C}", "'to' of a range is 90 °, 'from' is 0 °C"),
         ("{from: 0°, to: 100°, step: 30°}", "a range from 0 ° in steps of 30 ° does not meet its end, 100 °"),
-        ("{from: 0°, til: 100°}", "unknown key 'til' in a range; expected from, to or step"),
+        ("{from: 0°, til: 100°}", "unknown key 'til' in a range; expected from, to, step or per_decade"),
     ],
 )
 def test_a_loop_runs_over_at_least_one_value(tmp_path, values, problem):

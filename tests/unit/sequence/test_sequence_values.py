@@ -151,6 +151,37 @@ def test_a_range_has_up_to_ten_thousand_values():
     assert len(value_of(ends(1, LIST_LIMIT))) == LIST_LIMIT
 
 
+def per_decade(start, end, count) -> dict[str, object]:
+    return {"from": start, "to": end, "per_decade": count}
+
+
+@pytest.mark.parametrize(
+    ("raw", "words"),
+    [
+        (per_decade("1 Hz", "100 Hz", 3), "1 Hz, 2.154 Hz, 4.642 Hz, 10 Hz, 21.54 Hz, 46.42 Hz, 100 Hz"),
+        (per_decade("100 Hz", "10 Hz", 2), "100 Hz, 31.62 Hz, 10 Hz"),
+        (
+            per_decade("1 arcsec", "8 arcsec", 3),
+            "0.000277777777778 °, 0.0005556 °, 0.001111 °, 0.00222222222222 °",
+        ),
+        (per_decade(-1, -10, 2), "-1, -3.162, -10"),
+        (per_decade("10.37 Hz", "120.37 Hz", 4), "10.37 Hz, 16.93 Hz, 27.65 Hz, 45.15 Hz, 73.72 Hz, 120.37 Hz"),
+        (per_decade("1 mV", "1000 uV", 3), "0.001 V"),
+        (per_decade("1 Hz", "2 Hz", 1), "1 Hz, 2 Hz"),
+        (per_decade(1, "${n}", "${n}"), "1, 1.732, 3"),
+        (per_decade(1e-200, 1e-199, 1), "1e-200, 1e-199"),
+    ],
+)
+def test_a_geometric_range_has_a_constant_ratio_and_both_its_ends(raw, words):
+    assert in_words(value_of(raw, NAMES)) == words
+
+
+def test_no_two_values_of_the_closest_geometric_range_are_equal():
+    values = [each.base_value for each in value_of(per_decade(1, 100, 1000))]
+    assert values == sorted(set(values))
+    assert len(values) == 2001
+
+
 @pytest.mark.parametrize(
     ("raw", "problem"),
     [
@@ -158,7 +189,7 @@ def test_a_range_has_up_to_ten_thousand_values():
         ({"to": 1}, "a range needs 'from'"),
         ({"from": 1}, "a range needs 'to'"),
         ({"from": 1, "to": 3, "stp": 1}, "unknown key 'stp' in a range; did you mean 'step'?"),
-        ({"from": 1, "till": 3}, "unknown key 'till' in a range; expected from, to or step"),
+        ({"from": 1, "till": 3}, "unknown key 'till' in a range; expected from, to, step or per_decade"),
         (ends("0°", "90°"), "a range from 0 ° needs a 'step'"),
         (ends("0°", "90 °C", "30°"), "'to' of a range is 90 °C, 'from' is 0 °"),
         (ends("0°", "90°", 30), "'step' of a range is 30, 'from' is 0 °"),
@@ -173,6 +204,15 @@ def test_a_range_has_up_to_ten_thousand_values():
         (ends(1, LIST_LIMIT + 1), "a range of more than 10000 values"),
         (ends(0, 1e300), "a range of more than 10000 values"),
         (ends(0, 5, 1e-300), "a range of more than 10000 values"),
+        ({**per_decade(1, 10, 3), "step": 1}, "a range has 'step' or 'per_decade', not both"),
+        (per_decade("1 Hz", "10 s", 3), "'to' of a range is 10 s, 'from' is 1 Hz"),
+        (per_decade("1 Hz", "10 Hz", "3 Hz"), "'per_decade' of a range is 3 Hz, expected a number up to 1000"),
+        (per_decade("10 °C", "100 °C", 3), "temperatures have no ratio; use a range with 'step'"),
+        (per_decade(0, 10, 3), "a range with 'per_decade' is from 0 to 10, expected ends of one sign and other than 0"),
+        (per_decade(-1, 1, 3), "a range with 'per_decade' is from -1 to 1, expected ends of one sign and other than 0"),
+        (per_decade(1, 10, 0), "'per_decade' of a range is 0, expected a number up to 1000"),
+        (per_decade(1, 10, 1001), "'per_decade' of a range is 1001, expected a number up to 1000"),
+        (per_decade(1e-200, 1e200, 1000), "a range of more than 10000 values"),
     ],
 )
 def test_a_range_that_does_not_fit_together_is_refused(raw, problem):
