@@ -112,6 +112,11 @@ class ResponseSettings(StrictModel):
     play_pulses: Annotated[float, InUnit("pulse", at_least=0)] = Field(
         1.0, alias="play", description="hysteresis of a converter: charge at a reversal beyond that of a pulse"
     )
+    expected_hz: Hertz | None = Field(
+        None,
+        alias="expected_bandwidth",
+        description="expected bandwidth; the check warns unless 0.5 to 2 times of it are swept",
+    )
 
 
 class GyroResponseSettings(GyroScale, ResponseSettings):

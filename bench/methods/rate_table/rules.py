@@ -18,6 +18,7 @@ from drivers.can.sent_frames import WITH_THE_COUNTS
 LEAST_STEPS = 30.0  # minimum pulses or codes of an oscillation: with fewer, quantisation dominates its uncertainty
 COUNT_SD = 0.29  # of a pulse: standard deviation of the remainder in a converter
 CODE_PART = 0.1  # relative change of a sine of one code by rounding
+SWEPT = (0.5, 2.0)  # of the expected bandwidth, stated by the source
 RANGE_METHODS, RESPONSE_METHODS = ("gyro_range", "accelerometer_range"), ("gyro_response", "accelerometer_response")
 METHODS = (*RANGE_METHODS, *RESPONSE_METHODS)
 
@@ -112,6 +113,25 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                 )
 
 
+def swept_band(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
+    """A response whose frequencies do not reach from half of the expected bandwidth to twice that."""
+    for place, entry in results_by(plan, *RESPONSE_METHODS):
+        settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
+        expected_hz, lever_hz = settings["expected_hz"], settings.get("lever_hz")
+        swings = [motion for _, motion in acquired_inside(plan, entry.data) if isinstance(motion, Oscillate)]
+        swept_hz = [swing.highest_hz for swing in swings if swing.highest_hz != lever_hz]
+        if expected_hz is None or not swept_hz:
+            continue
+        low_hz, high_hz = (factor * expected_hz for factor in SWEPT)
+        if min(swept_hz) > low_hz or max(swept_hz) < high_hz:
+            yield (
+                (*place, "settings"),
+                f"frequencies from {min(swept_hz):g} to {max(swept_hz):g} Hz are swept, for an expected bandwidth of "
+                f"{expected_hz:g} Hz",
+                f"Sweep from {low_hz:g} Hz or less to {high_hz:g} Hz or more, or correct expected_bandwidth",
+            )
+
+
 def too_few_pulses(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """An oscillation of only a few pulses or codes, with the resulting uncertainty."""
     for _, entry in results_by(plan, "accelerometer_response"):
@@ -159,5 +179,6 @@ RULES = (
         "a test on a table has every acquisition that its method needs",
         incomplete_table_test,
     ),
+    Rule("swept-band", "warning", "a response is swept from 0.5 to 2 times the expected bandwidth", swept_band),
     Rule("too-few-pulses", "warning", "an accelerometer resolves the swing", too_few_pulses),
 )
