@@ -117,6 +117,7 @@ def _response(response: Callable[[float], complex]) -> dict[str, Truth]:
 
     return {
         "gain": lambda at: abs(response(at["frequency_hz"])),
+        "gain/two_sample": lambda at: abs(response(at["frequency_hz"])),
         "phase": lambda at: phase_deg(at["frequency_hz"]),
         "bandwidth": lambda _: bandwidth_hz,
         "phase_at_bandwidth": lambda _: phase_deg(bandwidth_hz),

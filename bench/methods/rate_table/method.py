@@ -117,6 +117,11 @@ class ResponseSettings(StrictModel):
         alias="expected_bandwidth",
         description="expected bandwidth; the check warns unless 0.5 to 2 times of it are swept",
     )
+    waveform_hz: Hertz | None = Field(
+        None,
+        alias="waveform_at",
+        description="frequency of the oscillation whose waveform the report shows; default: the bandwidth",
+    )
 
 
 class GyroResponseSettings(GyroScale, ResponseSettings):
@@ -218,8 +223,8 @@ ACCELEROMETER_RESPONSE = on_a_table(
     target="bench.methods.rate_table.reduction.response:reduce_accelerometer",
     settings=AccelerometerResponseSettings,
     quantities={
-        "gain": ("1", ""), "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°", "lever_arm/x": ("m", "mm"),
-        "lever_arm/y": ("m", "mm"),
+        "gain": ("1", ""), "gain/two_sample": ("1", ""), "phase": "°", "bandwidth": "Hz", "phase_at_bandwidth": "°",
+        "lever_arm/x": ("m", "mm"), "lever_arm/y": ("m", "mm"),
     },
     drawn_by="bench.methods.rate_table.shown_response:response_plots",
     after=("IEEE Std 836", "IEEE Std 1057", "IEEE Std 1554"),

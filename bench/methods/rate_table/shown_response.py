@@ -12,11 +12,12 @@ from bench.figures.numbers import shown
 from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
-from bench.methods.rate_table.reduction.response_points import HALF_POWER, Bandwidth, FrequencyResponse
+from bench.methods.rate_table.reduction.response_points import HALF_POWER, Bandwidth, FrequencyResponse, Waveform
 from bench.metrology.results.finding import Finding, UnitResult
 
 DB_PER_RELATIVE = 20 / np.log(10)
 HALF_POWER_DB = 20 * np.log10(HALF_POWER)
+PERIODS = 4
 BLUE, BROWN, GREY = "#0b5394", "#b45309", "#777777"
 
 
@@ -27,6 +28,8 @@ def response_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
         return
     gains, phases = (_of(unit, quantity) for quantity in ("gain", "phase"))
     yield _bode(found, gains, phases, name)
+    if found.waveform is not None:
+        yield _waveform(found.waveform, name)
     yield _points(found, gains, phases)
 
 
@@ -72,6 +75,27 @@ def _mark_bandwidth(gain: Axes, phase: Axes, bandwidth: Bandwidth) -> None:
         gain.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7, label=label)
         phase.axvline(bandwidth.frequency_hz, color=GREY, linewidth=0.7)
     gain.legend(loc="lower left")
+
+
+def _waveform(wave: Waveform, name: str) -> Plot:
+    """Draw the first periods of an oscillation, as the encoder and as the sensor have it, and their difference."""
+    figure = new_figure(4.6)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1], gridspec_kw={"hspace": 0.16})
+    first = wave.time_s - wave.time_s[0] < PERIODS / wave.frequency_hz
+    time_ms = (wave.time_s[first] - wave.time_s[0]) * 1e3
+    above.plot(time_ms, wave.reference[first], "-", color=GREY, linewidth=1.2, label=tr("encoder"))
+    above.plot(time_ms, wave.output[first], ".-", color=BLUE, linewidth=0.6, markersize=4, label=tr("sensor"))
+    above.legend(loc="lower left")
+    below.plot(time_ms, wave.output[first] - wave.reference[first], ".-", color=BROWN, linewidth=0.6, markersize=3)
+    title = tr("Waveform at {hz} Hz", hz=f"{wave.frequency_hz:.6g}")
+    above.set(ylabel=wave.unit, title=title)
+    below.set(xlabel=tr("time / ms"), ylabel=tr("difference") + f" / {wave.unit}")
+    caption = tr(
+        "Means over the same intervals, one sample of a gyro and two of an accelerometer, about their mean. The "
+        "reference of an accelerometer is that of two samples. Ratio of the two sines: {gain}.",
+        gain=f"{wave.gain:.5f}",
+    )
+    return Plot(title, rendered(figure, f"{name}-waveform", title), caption)
 
 
 def _points(found: FrequencyResponse, gains: Sequence[Finding], phases: Sequence[Finding]) -> Sheet:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.methods.rate_table.reduction import waveform
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
     SHORT_ARM_M,
@@ -36,6 +37,7 @@ from bench.methods.rate_table.reduction.sampling import instantaneous
 from bench.methods.rate_table.reduction.second_order import response_model
 from bench.methods.rate_table.reduction.sine_fit import find_frequency, resolved
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
+from bench.methods.rate_table.reduction.waveform import shown_point
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.least_squares import Array, NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
@@ -72,6 +74,8 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
     points = sweep.points(sweep.swings, point_of)
     to_lowest = settings["gain_reference"] == "lowest"
     found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
+    if (shown := shown_point(points, found, settings["waveform_hz"])) is not None:
+        found = replace(found, waveform=waveform.of_gyro(sweep.swings[shown.nominal_hz], shown, 1 / scale.value))
     findings = ResponseFindings(
         data, unit, sweep.steps, points, found, to_lowest=to_lowest, averaged_s=sweep.averaged_s
     )
@@ -106,6 +110,10 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
 
         points = sweep.points(swings, point_of)
     found = frequency_response(points, sweep.remarks)
+    shown = shown_point(points, found, settings["waveform_hz"])
+    if arm is not None and shown is not None:
+        on = waveform.OnArm(arm, data.bench.gravity_mps2)
+        found = replace(found, waveform=waveform.of_accelerometer(sweep.swings[shown.nominal_hz], shown, per_pulse, on))
     findings = ResponseFindings(
         data, unit, sweep.steps, points, found, arm=arm, of_scale=of_scale,
         warmer=_warmer(sweep, levers, settings["scale_per_c_u"]), averaged_s=sweep.averaged_s,

@@ -84,6 +84,11 @@ class ResponseFindings:
             yield self._subject.finding(
                 "phase", name, point.phase_deg, "°", self._of_phase(point), at, step, f"@{number}"
             )
+            if (wave := self.found.waveform) is not None and self.arm and wave.frequency_hz == point.frequency_hz:
+                scaled = [line.times(wave.gain / point.gain) for line in lines]
+                name = "by the two-sample reference"
+                only_hz = {"frequency_hz": point.frequency_hz}
+                yield self._subject.finding("gain/two_sample", name, wave.gain, "1", scaled, only_hz, step)
         yield from self._bandwidth()
 
     # Gain and phase

@@ -95,8 +95,23 @@ class Bandwidth:
 
 
 @dataclass(frozen=True, slots=True)
+class Waveform:
+    """Motion by the encoder and output of the sensor during one oscillation, arrays (n,) in `unit` about their means.
+
+    `gain` is the ratio of their sines.
+    """
+
+    frequency_hz: float
+    time_s: Array
+    reference: Array
+    output: Array
+    unit: str
+    gain: float
+
+
+@dataclass(frozen=True, slots=True)
 class FrequencyResponse:
-    """Points by frequency, with flags, notes and bandwidth.
+    """Points by frequency, with flags, notes and bandwidth; the waveform of one of them where it can be shown.
 
     Flags: `<f> Hz invalid`, `<f> Hz droop` for a frequency that is left out, `<f> Hz phase_step` where the phase
     changed too much since the point before to be unwrapped with certainty, `invalid` when there is no point at all.
@@ -107,6 +122,7 @@ class FrequencyResponse:
     flags: tuple[Flag, ...]
     notes: tuple[str, ...]
     excluded: dict[str, int]
+    waveform: Waveform | None = None
 
 
 def gyro_response(record: TableRecord, *, settle_s: float = 0.0, to_lowest: bool = False) -> FrequencyResponse:

@@ -76,6 +76,35 @@ def test_gain_phase_bandwidth_and_equation_of_a_gyro():
     assert (texts(unit.flags), unit.left_out) == ((), ())
 
 
+def test_the_waveform_of_a_gyro_is_that_at_its_bandwidth_or_as_asked():
+    wave = gyro(*map(gyro_at, SWEEP_HZ)).detail.waveform
+    response = abs(SLOW.response(np.array([38.37]))[0])
+    assert (wave.frequency_hz, wave.unit) == (38.37, "°/s")
+    assert wave.gain == pytest.approx(response, rel=1e-3)
+    assert np.max(wave.reference) == pytest.approx(20 * np.sinc(0.03837), rel=3e-3)
+    assert np.max(wave.output) == pytest.approx(20 * response * np.sinc(0.03837), rel=3e-2)  # counts within 1 ms
+    assert gyro(*map(gyro_at, SWEEP_HZ), waveform_at="59 Hz").detail.waveform.frequency_hz == 60.37
+    assert gyro(*map(gyro_at, SWEEP_HZ[:3])).detail.waveform.frequency_hz == 30.37  # the bandwidth is not reached
+    assert gyro(at_rest(1.0)).detail.waveform is None
+
+
+def test_the_two_sample_reference_has_the_gain_of_an_accelerometer():
+    swings = accelerometer_at(1.0, 100.0), *(accelerometer_at(hz, 100.0) for hz in SWEEP_HZ)
+    unit = accelerometer(*swings, waveform_at="60.37 Hz")
+    (gain,) = (found for found in unit.findings if found.quantity == "gain/two_sample")
+    by_sines = next(
+        f for f in unit.findings if f.quantity == "gain" and f.at["frequency_hz"] == gain.at["frequency_hz"]
+    )
+    over = abs(SLOW.response(np.array([60.37]))[0] / SLOW.response(np.array([1.0]))[0])
+    assert gain.value == pytest.approx(over, rel=2e-3)
+    assert gain.value == pytest.approx(by_sines.value, rel=2e-4)  # without the factor of the formula 1.2 % more
+    assert gain.u == pytest.approx(by_sines.u, rel=1e-3)
+    wave = unit.detail.waveform
+    assert wave.unit == "m/s²"
+    size = np.radians(100.0) * 2 * np.pi * 60.37 * 0.05
+    assert np.ptp(wave.reference) / 2 == pytest.approx(size, rel=2e-2)
+
+
 def test_the_budgets_name_what_is_shared():
     unit = gyro(*map(gyro_at, SWEEP_HZ))
     budgets = {found.quantity: found.budget for found in unit.findings}
