@@ -81,6 +81,14 @@ class RateTable(Device, Protocol):
 
 
 @runtime_checkable
+class SweepingTable(RateTable, Protocol):
+    """A rate table that can change the frequency of an oscillation continuously."""
+
+    async def sweep(self, to_hz: float, over_s: float) -> None:
+        """Change the frequency of the present oscillation at a constant rate within `over_s`; return at its begin."""
+
+
+@runtime_checkable
 class ThermalChamber(Device, Protocol):
     """A chamber with programmable temperature ramps."""
 

@@ -160,6 +160,12 @@ class World:
         """Begin an oscillation of an axis about its present angle."""
         self.axis_of(role).swing(self.before_change(), amplitude_deg, frequency_hz, phase_deg)
 
+    def change_swing(
+        self, amplitude_deg: float, frequency_hz: float, speeds: tuple[float, float], role: str | None = None
+    ) -> None:
+        """Change amplitude and frequency of the present oscillation of an axis at the `speeds`, in °/s and Hz/s."""
+        self.axis_of(role).change_swing(self.before_change(), amplitude_deg, frequency_hz, speeds)
+
     def stop(self, role: str | None = None) -> None:
         """Stop an axis."""
         self.axis_of(role).stop(self.before_change())

@@ -21,7 +21,7 @@ from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutp
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
-from drivers.capabilities import Positioner
+from drivers.capabilities import Positioner, SweepingTable
 from drivers.errors import DriverError
 from drivers.installed import loaded
 from drivers.quantity.quantities import Quantity
@@ -134,7 +134,17 @@ async def begin_turning(step: Rotate | Oscillate, bench: Bench) -> None:
     if isinstance(step, Rotate):
         await table.rotate_at(step.rate_dps, acceleration_dps2=step.acceleration_dps2)
     else:
-        await table.oscillate(step.amplitude_deg, step.highest_hz)
+        await table.oscillate(step.amplitude_deg, step.frequencies_hz[0])
+
+
+async def begin_sweep(step: Oscillate, bench: Bench) -> None:
+    """Start the continuous sweep of an oscillation, if it has one. Raises StepError if the table has none."""
+    if (chirp := step.chirp) is None or chirp.over_s is None:
+        return
+    table = bench.rig.table(step.role)
+    if not isinstance(table, SweepingTable):
+        raise StepError(f"{step.role} cannot sweep the frequency of an oscillation; use frequencies one after another")
+    await table.sweep(chirp.to_hz, chirp.over_s)
 
 
 async def _rotate(step: Rotate, bench: Bench) -> Found:

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Protocol
 
-from bench.engine.actions import begin_turning, leave, perform, target_of
+from bench.engine.actions import begin_sweep, begin_turning, leave, perform, target_of
 from bench.engine.context import Bench, Found
 from bench.engine.control import Control, StepUnderWay, Wish
 from bench.engine.recording import acquire_during
@@ -137,6 +137,8 @@ class Stepper:
         if isinstance(step, (Rotate, Oscillate)):
             await begin_turning(step, self._bench)
             self._journal.write("turning", planned.id, **_sustained_rate(step))
+            if isinstance(step, Oscillate):
+                await begin_sweep(step, self._bench)
             await body()
             await leave(step, self._bench)
         return {}
@@ -220,7 +222,10 @@ class Stepper:
 
 
 def _sustained_rate(step: Rotate | Oscillate) -> Found:
-    """Rate that the table maintains until the step ends."""
+    """Motion of the table until the step ends."""
     if isinstance(step, Rotate):
         return {"device": step.role, "rate_dps": step.rate_dps}
-    return {"device": step.role, "amplitude_deg": step.amplitude_deg, "frequency_hz": step.highest_hz}
+    found = {"device": step.role, "amplitude_deg": step.amplitude_deg}
+    if (chirp := step.chirp) is not None:
+        return found | {"sweep_hz": [chirp.from_hz, chirp.to_hz], "sweep_s": chirp.over_s}
+    return found | {"frequency_hz": step.highest_hz}

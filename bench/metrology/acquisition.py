@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -94,13 +94,16 @@ class Positions:
 class Motion:
     """Commanded motion of a table during an acquisition, reached before it began.
 
-    It rotated at `rate_dps`, or oscillated by ± `amplitude_deg` at `frequency_hz`; the other is None.
+    It rotated at `rate_dps`, or oscillated by ± `amplitude_deg` at `frequency_hz`; the other is None. During a
+    continuous sweep the frequency changed from the first to the last of `sweep_hz` within `sweep_s`.
     """
 
     device: str
     rate_dps: float | None = None
     amplitude_deg: float | None = None
     frequency_hz: float | None = None
+    sweep_hz: Sequence[float] = ()
+    sweep_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,8 +97,11 @@ METHODS = {
                of_folder=imu_start_up.compare_start_up, calibration=imu_start_up.CALIBRATION),
         Method("M3a", "gyro_range", "gyro", "rate_gyro", GYROS, table.compared, LONG_ON),
         Method("M3b", "gyro_response", "gyro", "rate_gyro", (*GYROS, "slow"), table.compared, LONG_ON),
+        Method("M3b sweep", "gyro_sweep", "gyro", "rate_gyro", (*GYROS, "slow"), table.compared, LONG_ON),
         Method("M3c", "accel_range", "centrifuge", "response_60hz", ACCELEROMETERS, table.compared, LONG_ON),
         Method("M3d", "accel_response", "response", "response_60hz", (*ACCELEROMETERS, "slow"), table.compared,
+               LONG_ON),
+        Method("M3d sweep", "accel_sweep", "response", "response_60hz", (*ACCELEROMETERS, "slow"), table.compared,
                LONG_ON),
     )
 }  # fmt: skip

@@ -33,7 +33,7 @@ from campaigns.truth.foreign import bench_errors
 from campaigns.truth.player import Player, Stimulus, Template
 from simulators.world import World
 
-STIMULI = ("move", "turn", "swing", "stop", "ramp", "power", "fix_units", "connect")
+STIMULI = ("move", "turn", "swing", "change_swing", "stop", "ramp", "power", "fix_units", "connect")
 Compared = TypeVar("Compared")
 
 

@@ -2,7 +2,7 @@
 
     python -m campaigns.truth.table --seeds 40 --wires 3
 
-runs all four sequences on perfect and on full benches, at the level of records and through all wires, and holds every
+runs all six sequences on perfect and on full benches, at the level of records and through all wires, and holds every
 figure against its truth. With `--output codes` or `--output volts` all seeds go through all wires; on volts there are
 ranges alone.
 """
@@ -26,13 +26,14 @@ from campaigns.truth.replay import at_record_level
 from campaigns.truth.table_truth import truths
 
 BENCHES = {
-    "gyro_range": "gyro", "gyro_response": "gyro", "accel_range": "centrifuge", "accel_response": "response",
+    "gyro_range": "gyro", "gyro_response": "gyro", "gyro_sweep": "gyro", "accel_range": "centrifuge",
+    "accel_response": "response", "accel_sweep": "response",
 }  # fmt: skip
 BENCHES_BY_OUTPUT = {
     "pulses": BENCHES,
     "codes": {
-        "gyro_range": "gyro_telemetry", "gyro_response": "gyro_telemetry", "accel_range": "table_telemetry",
-        "accel_response": "table_telemetry",
+        "gyro_range": "gyro_telemetry", "gyro_response": "gyro_telemetry", "gyro_sweep": "gyro_telemetry",
+        "accel_range": "table_telemetry", "accel_response": "table_telemetry", "accel_sweep": "table_telemetry",
     },
     "volts": {"gyro_range": "gyro_volts", "accel_range": "table_volts"},
 }  # fmt: skip
@@ -54,6 +55,8 @@ SHORT = {
         *LONG_ON, "frequencies=[10.37 Hz, 30.37 Hz, 57.37 Hz, 61.37 Hz, 90.37 Hz]", "record=4 s",
         "lever_record=20 s",
     ),
+    "gyro_sweep": (*LONG_ON, "lowest=20 Hz", "highest=100 Hz", "over=40 s"),
+    "accel_sweep": (*LONG_ON, "lowest=20 Hz", "highest=100 Hz", "over=30 s", "lever_record=20 s"),
 }  # fmt: skip
 
 

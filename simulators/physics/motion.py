@@ -92,6 +92,11 @@ class Axis:
         centre_deg = self._profile.angle_at(at_s)
         self._begin(Swing(at_s, centre_deg, amplitude_deg, frequency_hz, phase_deg, self._loop))
 
+    def change_swing(self, at_s: float, amplitude_deg: float, frequency_hz: float, speeds: tuple[float, float]) -> None:
+        """Change amplitude and frequency of the present oscillation at the `speeds`, in °/s and Hz/s."""
+        if isinstance(self._profile, Swing):
+            self._begin(self._profile.changed(at_s, amplitude_deg, frequency_hz, speeds))
+
     def stop(self, at_s: float) -> None:
         """Stop at the present angle."""
         self._begin(Move(at_s, self._profile.angle_at(at_s), 0.0, 1.0, self._acceleration))

@@ -198,6 +198,17 @@ class Swing(Profile):
 
     endless = True
 
+    def changed(self, at_s: float, amplitude_deg: float, frequency_hz: float, speeds: tuple[float, float]) -> Swing:
+        """Return the oscillation that goes on from `at_s`, without a step, to another amplitude and frequency.
+
+        They change at the `speeds`, in °/s and Hz/s.
+        """
+        t = np.array([max(at_s - self.start_s, 0.0)])
+        phase_deg = 360 * float(self.frequency_hz.integral(t)[0]) + self.phase_deg
+        amplitude = Slew(float(self.amplitude_deg.value(t)[0]), amplitude_deg, speeds[0])
+        frequency = Slew(float(self.frequency_hz.value(t)[0]), frequency_hz, speeds[1])
+        return Swing(at_s, self.centre_deg, amplitude, frequency, phase_deg, self.loop)
+
     @property
     def duration_s(self) -> float:
         """Duration until amplitude and frequency are reached."""
@@ -230,4 +241,7 @@ class Swing(Profile):
         if self.loop is None:
             return amplitude_deg, phase, turning, growing_dps
         gain, lag = self.loop.follows(amplitude_deg, frequency_hz)
-        return gain * amplitude_deg, phase + lag, turning, gain * growing_dps
+        gain_per_hz, lag_per_hz = self.loop.slopes(amplitude_deg, frequency_hz)
+        chirp_hz_per_s = self.frequency_hz.slope(t)
+        growing_dps = gain * (growing_dps + amplitude_deg * gain_per_hz * chirp_hz_per_s)
+        return gain * amplitude_deg, phase + lag, turning + lag_per_hz * chirp_hz_per_s, growing_dps

@@ -31,6 +31,14 @@ class Loop:
         held = 1.0 if math.isinf(self.most_dps2) else self.most_dps2 / np.maximum(asked_dps2, self.most_dps2)
         return np.abs(response) * held, np.angle(response)
 
+    def slopes(self, amplitude_deg: Array, frequency_hz: Array) -> tuple[Array, Array]:
+        """Derivatives over frequency of the logarithm of the gain, and of the phase in rad/Hz."""
+        x = frequency_hz / self.natural_hz
+        relative = (2 * x - 2j * self.damping) / (1 - x**2 + 2j * self.damping * x) / self.natural_hz
+        asked_dps2 = amplitude_deg * np.abs(1 / (1 - x**2 + 2j * self.damping * x)) * (2 * np.pi * frequency_hz) ** 2
+        limited = asked_dps2 > self.most_dps2  # where the acceleration is the limit, the angle falls as 1/f²
+        return np.where(limited, -2 / np.maximum(frequency_hz, 1e-9), np.real(relative)), np.imag(relative)
+
 
 @dataclass(frozen=True, slots=True)
 class Ripple:

@@ -405,6 +405,61 @@ def test_one_sine_after_another_stops_between() -> None:
     with_driver(use)
 
 
+def test_it_sweeps_the_frequency_of_a_running_sine() -> None:
+    async def use(table: Table, driver: AcutronicAcl) -> None:
+        await driver.move_to(40, approach="direct", settle_s=0)
+        await driver.oscillate(0.5, 2)
+        begin_s = table.world.now()
+        await driver.sweep(12, 20)
+        assert table.commands(":CONFIG")[-1] == ":CONFIG:OSC 1,Enable,0.5,0.5,Pos,Lin"
+        assert table.commands(":DEM:OSC")[-1] == ":DEM:OSC 1,0.5,12,0"
+        assert table.commands(":MODE:")[-1] == ":MODE:SYNTHESIS 1"  # without a stop between
+        await asyncio.sleep(8)
+        await driver.poll()  # which finds no deviation while the frequency changes
+        times_s = np.linspace(table.world.now() - 5, table.world.now(), 20_001)
+        middle_s = times_s.mean() - begin_s
+        crossings = np.flatnonzero(np.diff(table.world.axis.true_deg(times_s) > 40))
+        assert len(crossings) / 2 / 5 == pytest.approx(2 + middle_s * 0.5, abs=0.4)
+        await asyncio.sleep(15)
+        await driver.poll()
+        times_s = table.world.now() + np.linspace(0, 1, 4097)[:-1]
+        assert 2 * abs((np.exp(-24j * math.pi * times_s) * table.world.axis.true_deg(times_s)).mean()) == pytest.approx(
+            0.5, rel=1e-5
+        )
+        await driver.stop()
+        assert not table.moving
+
+    with_driver(use)
+
+
+def test_only_a_running_sine_is_swept_and_within_the_limits() -> None:
+    async def use(table: Table, driver: AcutronicAcl) -> None:
+        with pytest.raises(Refused, match="there is no oscillation whose frequency could be swept"):
+            await driver.sweep(12, 20)
+        await driver.oscillate(0.5, 2)
+        sent = len(table.wire.requests)
+        with pytest.raises(BeyondLimit, match="the frequency of 26 Hz is not between 0 and 25 Hz"):
+            await driver.sweep(26, 20)
+        with pytest.raises(BeyondLimit, match="the sine's peak acceleration"):
+            await driver.sweep(20, 20)
+        assert len(table.wire.requests) == sent
+        await driver.stop()
+        with pytest.raises(Refused, match="there is no oscillation"):
+            await driver.sweep(12, 20)
+
+    with_driver(use)
+
+
+def test_a_sweep_that_does_not_begin_is_told() -> None:
+    async def use(table: Table, driver: AcutronicAcl) -> None:
+        await driver.oscillate(0.5, 2)
+        table.faults.begin("stuck")
+        with pytest.raises(NotSettled, match="the sweep from 2 to 12 Hz has not begun"):
+            await driver.sweep(12, 20)
+
+    with_driver(use)
+
+
 # Stopping
 
 

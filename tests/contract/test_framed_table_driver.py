@@ -156,6 +156,10 @@ def test_it_swings_where_the_controller_can_and_says_where_it_cannot() -> None:
         assert framed.angle_deg == pytest.approx(40, abs=10)
         await driver.stop()
 
+        await driver.oscillate(10, 0.5)
+        with pytest.raises(Refused, match="the controller cannot sweep the frequency of a running sine"):
+            await driver.sweep(1.0, 60.0)
+
     async def cannot(framed: Framed, driver: Any) -> None:
         with pytest.raises(Refused, match=r"the controller cannot oscillate: its profile has no commands\.sine"):
             await driver.oscillate(10, 0.5)

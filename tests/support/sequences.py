@@ -57,8 +57,10 @@ def problems_of(folder: Path, body: str, **options: Any) -> list[str]:
 ELSEWHERE = {
     "gyro_range": ("gyro",),
     "gyro_response": ("gyro",),
+    "gyro_sweep": ("gyro",),
     "accel_range": ("centrifuge",),
     "accel_response": ("response",),
+    "accel_sweep": ("response",),
     "indexing_static": ("indexing", "indexing_pulses", "indexing_telemetry"),
     "imu_24_position": ("imu", "imu_telemetry"),
     "imu_start_up": ("imu", "imu_telemetry"),

@@ -106,7 +106,8 @@ def test_at_record_level_is_found_what_is_found_through_all_wires(template_of_ru
         assert (found.quantity, found.dwell) == (each.quantity, each.dwell)
         reported = TOLD_C * SCALE_PER_C if found.quantity == "scale_error" else 0.0
         assert found.truth == pytest.approx(each.truth, rel=0, abs=reported), found
-        most = 0.2 if found.quantity.startswith("phase") else 4.0  # its errors are nearly all those of the bench
+        # The errors of a phase are nearly all those of the bench; in a short sweep noise has a part in them.
+        most = 4.0 if not found.quantity.startswith("phase") else 0.8 if sequence.endswith("sweep") else 0.2
         assert abs(found.value - each.value) < most * np.hypot(found.u, each.u), found
         assert 1 / 2 < found.u / each.u < 2, found
     assert max(abs(found.ratio) for found in by_records) < 4
@@ -139,7 +140,7 @@ def test_the_calibration_of_a_response_takes_gain_and_phase_back(run_of, sequenc
 def test_the_report_draws_it_and_tells_its_points(run_of, sequence):
     page = (run_of(sequence) / "report.html").read_text("utf-8")
     words = ("Errors over the range", "allowed", "Points of the range", "worst of")
-    if sequence.endswith("response"):
+    if sequence.endswith(("response", "sweep")):
         words = ("Frequency response", "-3 dB", "Points of the sweep", "K · exp(-2πi f delay)")
     for word in (*words, "Budgets of all points"):
         assert word in page

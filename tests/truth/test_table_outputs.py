@@ -19,6 +19,8 @@ RANGE = (*LONG_ON, "record=3 s", "rest=3 s")
 SHORTER = {
     "gyro_range": (*RANGE, "rates=[50 °/s, 400 °/s]"),
     "accel_range": (*RANGE, "accelerations=[0.5 g, 1 g, 20 g]"),
+    "gyro_sweep": latest(*SHORT["gyro_sweep"], "over=30 s"),
+    "accel_sweep": latest(*SHORT["accel_sweep"]),
     "gyro_response": latest(*SHORT["gyro_response"], "frequencies=[10.37 Hz, 57.37 Hz, 61.37 Hz]", "record=3 s"),
     "accel_response": latest(
         *SHORT["accel_response"], "frequencies=[10.37 Hz, 30.37 Hz, 57.37 Hz, 61.37 Hz, 90.37 Hz]", "record=2 s",

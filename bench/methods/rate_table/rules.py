@@ -119,7 +119,12 @@ def swept_band(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
         settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
         expected_hz, lever_hz = settings["expected_hz"], settings.get("lever_hz")
         swings = [motion for _, motion in acquired_inside(plan, entry.data) if isinstance(motion, Oscillate)]
-        swept_hz = [swing.highest_hz for swing in swings if swing.highest_hz != lever_hz]
+        swept_hz = [
+            hz
+            for swing in swings
+            for hz in ((swing.chirp.from_hz, swing.chirp.to_hz) if swing.chirp else (swing.highest_hz,))
+            if hz != lever_hz
+        ]
         if expected_hz is None or not swept_hz:
             continue
         low_hz, high_hz = (factor * expected_hz for factor in SWEPT)

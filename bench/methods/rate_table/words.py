@@ -11,6 +11,7 @@ READINGS = {
     "no_common_clock": "its output shares no clock with the encoder of the table, as a swing requires",
     "not_at_rest": "the table moved",
     "not_swinging": "the table did not swing",
+    "not_swept": "the frequency did not change as commanded, or too fast",
 }
 UNITS = {
     "rest_missing": "There is no usable reading at rest, so that the bias and all errors are unknown.",

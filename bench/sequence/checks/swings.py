@@ -21,6 +21,8 @@ def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         step = planned.step
         if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
             continue
+        if motion.chirp is not None:
+            continue
         for period_s in _periods_s(bench, step.role, motion.role):
             turns = motion.highest_hz * period_s  # periods of the oscillation from sample to sample
             near = Fraction(turns).limit_denominator(FEW_PHASES)

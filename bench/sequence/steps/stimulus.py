@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -113,10 +114,16 @@ class Rotate(StepBase):
 
 
 class Sweep(StrictModel):
-    """Logarithmic frequency sweep: the logarithm of the frequency is proportional to time."""
+    """Frequencies one after the other, each for the same time with a constant ratio, or with `over` a chirp.
+
+    A chirp begins with the first of the steps in `during`, and its frequency is proportional to time.
+    """
 
     from_hz: Hertz = Field(alias="from", description="the first frequency")
     to_hz: Hertz = Field(alias="to", description="the last frequency")
+    over_s: PositiveSeconds | None = Field(
+        None, alias="over", description="time within which the frequency changes continuously"
+    )
 
 
 class Oscillate(StepBase):
@@ -135,6 +142,11 @@ class Oscillate(StepBase):
         return self.duration_s or 0.0
 
     @property
+    def chirp(self) -> Sweep | None:
+        """Continuous sweep of the frequency; None for constant frequencies."""
+        return self.sweep if self.sweep is not None and self.sweep.over_s is not None else None
+
+    @property
     def highest_hz(self) -> float:
         """Highest frequency, the most demanding one for the table."""
         return max(self.sweep.from_hz, self.sweep.to_hz) if self.sweep else self.frequency_hz or math.nan
@@ -142,6 +154,8 @@ class Oscillate(StepBase):
     @property
     def frequencies_hz(self) -> tuple[float, ...]:
         """Frequencies in order, each for the same time; those of a sweep have a constant ratio."""
+        if self.chirp is not None:
+            return (self.chirp.from_hz,)
         if self.sweep is None or math.isnan(self.sweep.from_hz + self.sweep.to_hz):
             return (self.highest_hz,)
         octaves = math.log2(self.sweep.to_hz / self.sweep.from_hz)
@@ -154,8 +168,12 @@ class Oscillate(StepBase):
         if isinstance(raw, dict):
             choice_of({key: raw.get(key) for key in ("frequency", "sweep")}, "an oscillation")
             end = choice_of({key: raw.get(key) for key in ("for", "during")}, "an oscillation")
-            if raw.get("sweep") is not None and end == "during":
-                raise telling("a sweep needs its duration: give 'for'")
+            sweep = raw.get("sweep")
+            if isinstance(sweep, Mapping) and sweep.get("over") is not None:
+                if end == "for":
+                    raise telling("a sweep with 'over' lasts as long as the steps inside it: give 'during'")
+            elif sweep is not None and end == "during":
+                raise telling("a sweep needs its duration: give 'for', or 'over' for a continuous one")
         return raw
 
 

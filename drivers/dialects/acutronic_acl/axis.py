@@ -120,6 +120,11 @@ class AclAxis(OverDialogue):
             wire.demand_sine(self._number, amplitude_deg, frequency_hz),
         )
 
+    async def change_sine(self, amplitude_deg: float, frequency_hz: float, slew_hz_per_s: float) -> None:
+        """Change the frequency of the running sine at a constant rate, sent once."""
+        await self._set(wire.configure_sine(self._number, amplitude_deg, slew_hz_per_s))
+        await self._send_command(wire.demand_sine(self._number, amplitude_deg, frequency_hz))
+
     async def enter(self, mode: Mode) -> None:
         """Make the servo follow the demand of a mode."""
         await self._send_command(wire.enter(_OWN_MODES[mode], self._number))

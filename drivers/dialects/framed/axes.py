@@ -129,6 +129,13 @@ class FramedTableAxis(FramedAxis):
             )  # fmt: skip
         self._sine = (amplitude_deg, frequency_hz)
 
+    async def change_sine(self, amplitude_deg: float, frequency_hz: float, slew_hz_per_s: float) -> None:
+        """Raise Refused: no framed controller is known that changes a running sine."""
+        raise Refused(
+            self._device, "the controller cannot sweep the frequency of a running sine",
+            remedy="Use frequencies one after the other in the sequence, or a table that can sweep.",
+        )  # fmt: skip
+
     async def enter(self, mode: Mode) -> None:
         """Go to the present angle, turn at rate zero, or oscillate: a mode is entered only by a command."""
         self._commanded_mode = mode

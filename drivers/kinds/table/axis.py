@@ -93,6 +93,9 @@ class TableAxis(Protocol):
     async def demand_sine(self, amplitude_deg: float, frequency_hz: float, run_up_s: float) -> None:
         """Set the sine of SYNTHESIS, which grows for `run_up_s`; moves nothing."""
 
+    async def change_sine(self, amplitude_deg: float, frequency_hz: float, slew_hz_per_s: float) -> None:
+        """Change the frequency of the running sine at a constant rate, sent once; raises Refused, InstrumentFault."""
+
     async def enter(self, mode: Mode) -> None:
         """Make the servo follow the demand of a mode, sent once; raises Refused, InstrumentFault."""
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Self
 
 from drivers.capabilities import Approach
-from drivers.errors import DriverError, InstrumentFault, NotSettled
+from drivers.errors import DriverError, InstrumentFault, NotSettled, Refused
 from drivers.kinds.approach import ARCSEC_PER_DEG, DEVIATION_BANDS, Hold, begin_of, legs, pause_s
 from drivers.kinds.latest import Latest, Order
 from drivers.kinds.table.axis import Drive, Mode, State, TableAxis
@@ -42,6 +42,8 @@ class Table:
         self._safe_within_s = safe_state(options, limits, None).within_s
         self._band_deg = options.settle.band / ARCSEC_PER_DEG
         self._latest: Latest[tuple[Mode, float]] = Latest(name, "motion")  # its result: a mode, with ° or °/s
+        self._sine: tuple[float, float] | None = None  # the last one: ± °, Hz
+        self._swept_at_s = -math.inf  # by then the frequency of a sweep no longer changes
 
     async def __aenter__(self) -> Self:
         """Connect and identify."""
@@ -137,6 +139,26 @@ class Table:
             order, Mode.SYNTHESIS, lambda state: state.oscillating, run_up_s,
             f"the sine of ±{amplitude_deg:g}° at {frequency_hz:g} Hz is not reached",
         )  # fmt: skip
+        self._sine = amplitude_deg, frequency_hz
+        self._latest.done(order, (Mode.SYNTHESIS, amplitude_deg))
+
+    async def sweep(self, to_hz: float, over_s: float) -> None:
+        """Change the frequency of the running sine to `to_hz` at a constant rate within `over_s`; return at its begin.
+
+        Raises BeyondLimit before anything is sent, if the sine would exceed a limit; Refused without a running sine, or
+        from a controller that cannot; NotSettled if the frequency does not begin to change.
+        """
+        if self._sine is None or self._latest.result is None or self._latest.result[0] is not Mode.SYNTHESIS:
+            raise Refused(self.name, "there is no oscillation whose frequency could be swept")
+        amplitude_deg, from_hz = self._sine
+        self._bounds.check_sine(amplitude_deg, to_hz)
+        order = self._latest.begin()
+        await self._axis.change_sine(amplitude_deg, to_hz, abs(to_hz - from_hz) / over_s)
+        self._swept_at_s = now_s() + over_s + self._options.settle.give_up
+        state = await read_back(self._axis.read_state, lambda state: order.ended or not state.oscillating)
+        if state.oscillating:
+            raise self._not_settled(f"the sweep from {from_hz:g} to {to_hz:g} Hz has not begun", state)
+        self._sine = amplitude_deg, to_hz
         self._latest.done(order, (Mode.SYNTHESIS, amplitude_deg))
 
     async def stop(self) -> None:
@@ -259,7 +281,7 @@ class Table:
                 return f"the table is not at {value:g}°, its target"
             case Mode.RATE if abs(state.rate_dps - value) > DEVIATION_BANDS * self._rate_band_dps(value):
                 return f"the table does not turn at {value:g} °/s, as commanded"
-            case Mode.SYNTHESIS if not state.oscillating:
+            case Mode.SYNTHESIS if not state.oscillating and now_s() > self._swept_at_s:
                 return f"the table does not swing by ±{value:g}°, as commanded"
         return ""
 

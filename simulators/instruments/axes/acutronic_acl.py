@@ -285,10 +285,11 @@ class SimulatedAcutrol:
         self._check_axis(words[0])
         sine = (scpi.number(words[1]), scpi.number(words[2]), scpi.number(words[3]))
         under_way = self.mode is Mode.SYNTHESIS and self._driven.moving(self._world.now())
-        if under_way and sine[0]:
-            raise Refusal(NOT_NOW, "a running sine is not changed here")
         self._sine = sine
-        if under_way:  # an oscillation ends at zero amplitude
+        if under_way and sine[0] and sine[1]:
+            if not self.faults.active("stuck"):
+                self._world.change_swing(sine[0], sine[1], self._slews, self._role)
+        elif under_way:  # an oscillation ends at zero amplitude
             self._world.turn(0.0, self._limits[Mode.SYNTHESIS].acceleration_dps2, self._role)
         elif self.mode is Mode.SYNTHESIS:
             self._swing()

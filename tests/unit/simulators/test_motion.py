@@ -283,6 +283,20 @@ def test_a_table_lags_behind_a_sine_and_cannot_do_more_than_its_motor() -> None:
     assert swing.angle_deg(times) == pytest.approx(40 + expected, abs=1e-9)
 
 
+@pytest.mark.parametrize("loop", [None, Loop(150.0, 0.7), Loop(150.0, 0.7, most_dps2=1e4)])
+def test_the_frequency_of_a_swing_changes_without_a_step(loop: Loop | None) -> None:
+    before = Swing(0.0, 40.0, Slew(0.0, 0.5, 0.5), Slew(0.0, 8.0, 8.0), 30.0, loop)
+    swept = before.changed(2.3, 0.5, 48.0, (1.0, 4.0))
+    assert swept.angle_at(2.3) == pytest.approx(before.angle_at(2.3), abs=1e-12)
+    assert (swept.duration_s, swept.frequency_hz.end) == (10.0, 48.0)
+    times_s, half_s = np.linspace(2.31, 12.2, 997), 1e-6
+    rates_dps = (swept.angle_deg(times_s + half_s) - swept.angle_deg(times_s - half_s)) / (2 * half_s)
+    assert swept.rates_dps(times_s) == pytest.approx(rates_dps, abs=2e-6 * np.abs(rates_dps).max())
+    late_s = np.linspace(13, 13 + 1 / 48, 257)[:-1]
+    gain = 1.0 if loop is None else loop.follows(np.array([0.5]), np.array([48.0]))[0][0]
+    assert np.ptp(swept.angle_deg(late_s)) / 2 == pytest.approx(0.5 * gain, rel=1e-3)
+
+
 def test_a_table_that_turns_unevenly_is_where_its_mean_rate_takes_it() -> None:
     turn = Turn(0.0, 10.0, Slew(0.0, 360.0, 1e6), Ripple(1e-4, (1, 2), (0.5, 1.5)))
     seconds = turn.angle_deg(np.array([1.0, 2.0, 3.0]))

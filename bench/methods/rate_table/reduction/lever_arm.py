@@ -47,6 +47,14 @@ class LeverArm:
 
 
 @dataclass(frozen=True, slots=True)
+class OnArm:
+    """Arm of an accelerometer, and the local gravity by which its output in g becomes m/s²."""
+
+    arm: LeverArm
+    local_g_mps2: float
+
+
+@dataclass(frozen=True, slots=True)
 class AccelerometerSweep:
     """Meaning of the samples of a sweep.
 

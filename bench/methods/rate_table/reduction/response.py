@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction import waveform
+from bench.methods.rate_table.reduction.chirp import chirp_points
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
     SHORT_ARM_M,
     AccelerometerSweep,
     LeverArm,
+    OnArm,
     accelerometer_point,
     lever_arm,
 )
@@ -38,6 +40,7 @@ from bench.methods.rate_table.reduction.second_order import response_model
 from bench.methods.rate_table.reduction.sine_fit import find_frequency, resolved
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
 from bench.methods.rate_table.reduction.waveform import shown_point
+from bench.metrology.acquisition import Motion
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.least_squares import Array, NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
@@ -71,10 +74,11 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
         return gyro_point(samples.swing(1 / scale.value), nominal_hz, remarks)
 
     sweep = _Sweep.of(data, unit, settings["play_pulses"])
-    points = sweep.points(sweep.swings, point_of)
+    points = sweep.with_chirps(sweep.points(sweep.swings, point_of), 1 / scale.value)
     to_lowest = settings["gain_reference"] == "lowest"
     found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
-    if (shown := shown_point(points, found, settings["waveform_hz"])) is not None:
+    shown = shown_point([point for point in points if point.nominal_hz in sweep.swings], found, settings["waveform_hz"])
+    if shown is not None:
         found = replace(found, waveform=waveform.of_gyro(sweep.swings[shown.nominal_hz], shown, 1 / scale.value))
     findings = ResponseFindings(
         data, unit, sweep.steps, points, found, to_lowest=to_lowest, averaged_s=sweep.averaged_s
@@ -108,11 +112,11 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         def point_of(samples: TableSamples, nominal_hz: float, remarks: Remarks) -> SweepPoint | None:
             return accelerometer_point(samples.swing(per_pulse), nominal_hz, known, what, remarks)
 
-        points = sweep.points(swings, point_of)
+        points = sweep.with_chirps(sweep.points(swings, point_of), per_pulse, OnArm(known, data.bench.gravity_mps2))
     found = frequency_response(points, sweep.remarks)
-    shown = shown_point(points, found, settings["waveform_hz"])
+    shown = shown_point([point for point in points if point.nominal_hz in sweep.swings], found, settings["waveform_hz"])
     if arm is not None and shown is not None:
-        on = waveform.OnArm(arm, data.bench.gravity_mps2)
+        on = OnArm(arm, data.bench.gravity_mps2)
         found = replace(found, waveform=waveform.of_accelerometer(sweep.swings[shown.nominal_hz], shown, per_pulse, on))
     findings = ResponseFindings(
         data, unit, sweep.steps, points, found, arm=arm, of_scale=of_scale,
@@ -126,7 +130,7 @@ def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, flo
     if not levers:
         return {}
     lever_c = sweep.swings[levers[0]].temperature_c
-    return {hz: float(np.nan_to_num(abs(each.temperature_c - lever_c))) * per_c for hz, each in sweep.swings.items()}
+    return {hz: float(np.nan_to_num(abs(each_c - lever_c))) * per_c for hz, each_c in sweep.temperatures_c.items()}
 
 
 def _unlike(arm: LeverArm, unit: UnitUnderTest, scale_u: float) -> bool:
@@ -148,32 +152,52 @@ class _Sweep:
     steps: dict[float, str]
     remarks: Remarks
     left_out: list[str]
+    temperatures_c: dict[float, float]
+    play_pulses: float
+    chirps: list[tuple[TableSamples, Motion]]
 
     @classmethod
     def of(cls, data: RunData, unit: UnitUnderTest, play_pulses: float) -> _Sweep:
         """Collect the oscillations of a unit; of a repeated frequency the last one counts."""
-        sweep = cls(unit, {}, {}, Remarks(), [])
+        sweep = cls(unit, {}, {}, Remarks(), [], {}, play_pulses if unit.is_counted else 0.0, [])
         found: dict[float, TableSamples] = {}
         for acquisition in data.acquisitions:
             samples, motion = table_samples(acquisition, unit), acquisition.motion
             problems = list(samples.problems)
-            if motion is None or motion.frequency_hz is None:
+            if motion is None or (motion.frequency_hz is None and not motion.sweep_hz):
                 problems.append("not_swinging")
-            if problems or motion is None or motion.frequency_hz is None:
+            if motion is not None and motion.sweep_hz and not problems:
+                sweep.chirps.append((samples, motion))
+            elif problems or motion is None or motion.frequency_hz is None:
                 sweep.left_out.append(acquisition.step.partition("/")[2])
                 sweep.remarks.flags += [Flag(problem, at=acquisition.step) for problem in problems]
             else:
-                play = play_pulses if unit.is_counted else 0.0
-                found[motion.frequency_hz] = without_hysteresis(samples, motion.frequency_hz, play)
+                found[motion.frequency_hz] = without_hysteresis(samples, motion.frequency_hz, sweep.play_pulses)
         sweep.swings = dict(sorted(found.items()))
         sweep.steps = {hz: samples.step for hz, samples in sweep.swings.items()}
+        sweep.temperatures_c = {hz: samples.temperature_c for hz, samples in sweep.swings.items()}
         return sweep
 
     @property
     def averaged_s(self) -> float:
         """Averaging time of samples; 0 for pulses and for instantaneous samples."""
-        found = next(iter(self.swings.values()), None)
+        found = next(iter([*self.swings.values(), *(samples for samples, _ in self.chirps)]), None)
         return found.interval_s if found is not None and found.sampled not in (None, instantaneous) else 0.0
+
+    def with_chirps(self, points: list[SweepPoint], per_pulse: float, on: OnArm | None = None) -> list[SweepPoint]:
+        """Return the points and those of continuous sweeps, by frequency; constant frequencies come first."""
+        known = {point.nominal_hz for point in points}
+        for samples, motion in self.chirps:
+            found = list(chirp_points(samples, motion, per_pulse, self.play_pulses, on))
+            if not found:
+                self.remarks.flags.append(Flag("not_swept", at=samples.step))
+                self.left_out.append(samples.step.partition("/")[2])
+            for point in (each for each in found if each.nominal_hz not in known):
+                known.add(point.nominal_hz)
+                points.append(point)
+                self.steps[point.nominal_hz] = samples.step
+                self.temperatures_c[point.nominal_hz] = samples.temperature_c
+        return sorted(points, key=lambda point: point.nominal_hz)
 
     def leave_out(self, frequency_hz: float) -> None:
         """Leave out a frequency without a result."""
@@ -222,7 +246,7 @@ class _Sweep:
         if model is None:
             return ()
         channel = f"{self.unit.measured_by}@response"
-        found_at_c = mean_c([samples.temperature_c for samples in self.swings.values()])
+        found_at_c = mean_c(list(self.temperatures_c.values()))
         return (ResponseCompensation.of_model(model, channel, (self.unit.output_unit, symbol), scale, found_at_c),)
 
 

@@ -29,7 +29,8 @@ TURN_DEG = 360.0
 class Swing:
     """Oscillation of the table in one block: `rate` is the phasor of its rate in deg/s at the measured frequency.
 
-    `few_phases`: most of its uncertainty is from encoder errors that repeat in every period.
+    `few_phases`: most of its uncertainty is from encoder errors that repeat in every period. `drooped` is known of a
+    sweep, whose amplitude is an angle; None for a frequency that is compared with the others.
     """
 
     frequency_hz: float
@@ -37,6 +38,7 @@ class Swing:
     rate: complex
     u_relative: float
     few_phases: bool
+    drooped: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +238,13 @@ def bandwidth(frequency_hz: Array, gain: Array, phase_deg: Array) -> Bandwidth:
 
 
 def _without_droop(points: Sequence[SweepPoint], remarks: Remarks) -> list[SweepPoint]:
-    held = [abs(point.swing.rate) >= DROOP * abs(points[0].swing.rate) for point in points]
+    lowest = next((point for point in points if point.swing.drooped is None), None)
+    held = [
+        abs(point.swing.rate) >= DROOP * abs(lowest.swing.rate)
+        if lowest is not None and point.swing.drooped is None
+        else not point.swing.drooped
+        for point in points
+    ]
     drooped = [point.nominal_hz for point, well in zip(points, held, strict=True) if not well]
     remarks.flags.extend(at_frequency("droop", nominal_hz) for nominal_hz in drooped)
     return list(compress(points, held))

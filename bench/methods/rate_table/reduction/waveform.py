@@ -7,12 +7,11 @@ samples.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.rate_table.reduction.lever_arm import LeverArm
+from bench.methods.rate_table.reduction.lever_arm import OnArm
 from bench.methods.rate_table.reduction.response_points import FrequencyResponse, SweepPoint, Waveform
 from bench.methods.rate_table.reduction.samples import TableSamples
 from bench.methods.rate_table.reduction.sampling import instantaneous
@@ -21,14 +20,6 @@ from bench.methods.rate_table.reduction.two_sample import velocity_increments
 from bench.metrology.least_squares import Array, NotDetermined
 
 EVEN = 1e-6  # relative difference of two successive intervals; a lost latch makes it 1
-
-
-@dataclass(frozen=True, slots=True)
-class OnArm:
-    """Arm of an accelerometer, and the local gravity by which its output in g becomes m/s²."""
-
-    arm: LeverArm
-    local_g_mps2: float
 
 
 def shown_point(points: Sequence[SweepPoint], found: FrequencyResponse, asked_hz: float | None) -> SweepPoint | None:
