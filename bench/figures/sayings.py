@@ -25,7 +25,7 @@ QUOTED = re.compile(r"(?<=')\{(\w+)\}(?=')")
 ABOUT = re.compile(r"(?P<what>\S.*?:\d+(?::\d+)?|[^\s:]+|\d[^:]*|'.*?'|\".*?\"): (?P<text>.+)", re.DOTALL)
 # A name, and what is said of it.
 SUBJECT = re.compile(
-    r"(?P<what>(?!(?:it|that|none|nothing)\b)[a-z\d][\w.]*|'.*?') (?P<text>(?:is|has|was|needs|names) .+)", re.DOTALL
+    r"(?P<what>(?!(?:it|that|none|nothing)\b)[a-z\d.][\w.]*|'.*?') (?P<text>(?:is|has|was|needs|names) .+)", re.DOTALL
 )
 # Of a check: severity, sentence, and rule.
 FOUND = re.compile(r"(?:(?P<severity>warning): )?(?P<text>.+?)(?P<rule> \[[a-z]+(?:-[a-z]+)*\])?", re.DOTALL)
@@ -111,10 +111,12 @@ def _translations(text: str, language: str, depth: int) -> Iterator[Markup]:
 
 
 def _after(form: re.Pattern[str], joined: str, text: str, language: str, depth: int) -> Iterator[Markup]:
-    """Yield what follows the words that a sentence is about, if it is known."""
+    """Yield what follows the words that a sentence is about, if it is known; names among these words stay."""
     match = form.fullmatch(text)
-    if match is not None and (what := _translated(match["text"], language, depth)) is not None:
-        yield escape(match["what"]) + joined + what
+    if match is not None and (said_so := _translated(match["text"], language, depth)) is not None:
+        what = match["what"]
+        is_text = PROSE.search(what) and ":" not in what
+        yield (_within(what, language, depth) if is_text else escape(what)) + joined + said_so
 
 
 def _parts(text: str, language: str, depth: int) -> Iterator[tuple[Markup, bool]]:
