@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from typing import Any, NamedTuple
@@ -49,7 +48,6 @@ URGENT = frozenset({"problem", "step_failed", "unit_dropped", "device_left_out",
 SENTENCES = frozenset({"text", "why", "by", "problem"})  # values with words of the program
 STATES = frozenset({"how", "state", "action", "wish", "command"})  # values that are one word of the program
 OF_PEOPLE = frozenset({"asked", "answered", "command", "order"})  # entries with what people have said
-FACTS = re.compile(r"; (?=\w+: )")  # between the facts of an entry in one text
 LASTING = frozenset({"ramp", "soak", "wait", "wait_until", "set", "orient", "rotate", "oscillate"})
 
 
@@ -92,19 +90,6 @@ def _worded(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tup
 def kind_in_words(kind: str) -> str:
     """Return the kind of an entry in words; the release of a hold is no release of a file."""
     return tr("hold released" if kind == "released" else kind.replace("_", " "))
-
-
-def facts_in_words(text: str) -> Markup:
-    """Return the facts of an entry, as "text: …; by: …", with its sentences and states in the current language."""
-    facts = [fact.partition(": ") for fact in FACTS.split(text)]
-    return Markup("").join(
-        escape(tr("; ") if number else "") + escape(tr(key + colon)) + _fact(key, value)
-        for number, (key, colon, value) in enumerate(facts)
-    )
-
-
-def _fact(key: str, value: str) -> Markup:
-    return said(value) if key in SENTENCES else escape(tr(value) if key in STATES else value)
 
 
 def _values(kind: str, data: Mapping[str, Any]) -> _Known:

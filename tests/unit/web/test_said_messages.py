@@ -159,8 +159,8 @@ def test_the_page_of_a_failed_run_says_why_in_chinese(failed, tmp_path):
     (reasons,) = re.findall(r'<ul class="reasons">(.*?)</ul>', page, re.DOTALL)[:1]
     assert "20 min 内未恢复；停止试验" in reasons
     assert ENGLISH not in reasons
-    assert "text: 联锁 warm 已触发" in page
-    assert "by: 联锁 warm" in page
+    assert "内容：联锁 warm 已触发" in page
+    assert "操作者：联锁 warm" in page
 
 
 @pytest.mark.parametrize(
