@@ -10,9 +10,11 @@ from html import unescape
 import pytest
 
 from bench.app.resume import prepare_again, read_interrupted, summary_lines
+from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.figures.languages import language
+from bench.figures.languages import catalogue_of, language
 from bench.figures.sayings import said
+from bench.station.runs.course import USUAL
 from bench.store.reader import RunReader
 from bench.web.news import news
 from tests.support.killed import interrupted
@@ -110,6 +112,54 @@ def test_a_warning_keeps_its_file_its_rule_and_what_is_to_be_written():
     assert chinese("steps: unknown key; expected call or with") == "steps：未知的键；应为 call、with"
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("title:", "tilte:", "tilte：未知的键；是否指“title”？"),
+        ("driver: watlow_f4t", "driver: watlow_f5t", "没有驱动程序 'watlow_f5t'；是否指“watlow_f4t”？"),
+        (
+            "sim+tcp://127.0.0.1:8000",
+            "sim+slcan:///tmp/x",
+            "aerotech_ensemble 通过 serial、socket、tcp 连接，而不是 slcan",
+        ),
+        ("Latch.Tick", "Latch.Tock", "if_counter.dbc 没有信号“Latch.Tock”；是否指“Latch.Tick”？"),
+        ("min: -50 °C, max: 100 °C", "min: 150 °C, max: 100 °C", "min 不小于 max"),
+        ("channel: x", "channel: w", "没有计数器有通道“w”；应为 x、y、z"),
+    ],
+)
+def test_a_refused_bench_file_is_chinese(tmp_path, old, new, problem):
+    with pytest.raises(InputError) as refused:
+        load_bench(copy_bench(tmp_path, (old, new)))
+    found = [chinese(each) for each in refused.value.problems]
+    assert [each for each in found if ENGLISH in each] == []
+    assert problem in unescape("\n".join(found))
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        (
+            "scanner: its setup has changed; expected a scan of (@101,102); received (@101) as TC in C, a scan running",
+            "scanner：其设置已更改；应为扫描 (@101,102)；收到 (@101)，类型 TC，单位 C，扫描正在进行",
+        ),
+        (
+            "table: the controller reports a fault: overspeed; received disabled, moving, mode off",
+            "table：控制器报告故障：overspeed；收到已停用，运动中，模式关闭",
+        ),
+        (
+            "93° was typed, 90° was asked for: it is +3° off, at most ±0.5° may be. Turn head by hand to 90°, from "
+            "30° up by 60°, coming to it from below. When it is there and locked, type the angle that it shows, in "
+            "° or deg.",
+            "输入了 93°，要求的是 90°：偏差 +3°，最多允许 ±0.5°。请手动将 head 转至 90°，从 30° 增大 60°，从下方接近。"
+            "到位并锁紧后，请输入其显示的角度，单位 ° 或 deg。",
+        ),
+        ("/r/results.json: .units.0 is not an object", "/r/results.json：.units.0 不是对象"),
+    ],
+)
+def test_messages_of_many_parts_are_chinese(text, shown):
+    assert unescape(chinese(text)) == shown
+
+
 def journal_texts(path) -> set[str]:
     with RunReader(path) as reader:
         entries = list(reader.events())
@@ -132,6 +182,14 @@ def test_an_interlock_and_the_end_of_its_run_are_chinese(failed):
     assert [text for text in texts if ENGLISH in chinese(text)] == []
     assert chinese(failed.problems[0]).startswith("联锁 warm 已触发：unit_temperature 为 ")
     assert chinese("interlock warm") == "联锁 warm"
+
+
+def test_facts_of_all_entries_of_a_run_have_chinese_names(failed):
+    with RunReader(failed.path) as reader:
+        entries = [entry for entry in reader.events() if entry.kind not in USUAL]
+    names = {name for entry in entries for name in entry.data}
+    assert len(names) > 10
+    assert [name for name in sorted(names) if f"{name}: " not in catalogue_of("zh")] == []
 
 
 def test_news_of_a_run_are_chinese_and_what_people_say_stays(failed):
@@ -168,6 +226,8 @@ def test_the_page_of_a_failed_run_says_why_in_chinese(failed, tmp_path):
     [
         ("[{device: supply, kind: silent, at: 10 s}]", "无应答"),
         ("[{device: chamber, kind: heater_dead, at: 1 min}]", "温箱"),
+        ("[{device: head, kind: emergency_stop, at: 1 min}]", "轴 X 有故障：急停"),
+        ("[{device: chamber, kind: front_panel, at: 1 min}]", "控制回路 1 不在自动模式"),
     ],
 )
 def test_problems_of_instruments_are_chinese(tmp_path, faults, reason):
