@@ -28,9 +28,13 @@ SEEN = (
     "drivers", "bench/engine", "bench/runner", "bench/guardian", "bench/sequence", "bench/config", "bench/store",
     "bench/reduce", "bench/rig.py", "bench/files.py", "bench/errors.py", "bench/quality.py", "bench/app/resume.py",
     "bench/app/credited.py", "bench/app/clock_record.py", "bench/methods/*/rules.py", "bench/methods/*/doubts.py",
-    "bench/metrology/plausibility.py",
+    "bench/metrology/plausibility.py", "bench/methods/*/reduction/plausibility.py", "bench/offline/doubts.py",
+    "bench/app/beginning.py", "bench/app/can_nodes.py", "bench/app/drawn.py", "bench/app/laboratory.py",
+    "bench/app/pending.py", "bench/app/scenario.py", "bench/station/queue", "bench/station/signoff",
+    "bench/station/worker.py", "bench/station/alerts/route.py", "bench/web/guards.py", "bench/web/identity.py",
+    "bench/web/limits.py", "bench/web/patience.py",
 )  # fmt: skip
-SQL = re.compile(r"\s*(?:BEGIN|CREATE|PRAGMA|SELECT)\b")
+SQL = re.compile(r"\s*(?:BEGIN|CREATE|DELETE|INSERT|PRAGMA|REPLACE|SELECT|UPDATE|WHERE)\b|run = \?|default-src ")
 DESCRIBING = {"Field", "Rule"}  # calls with texts of the reference
 # Texts that stay in terminals and logs, and those that are no sentences.
 ELSEWHERE = {
@@ -44,7 +48,7 @@ ELSEWHERE = {
     "<stream end>", "cannot start any token", "could not find expected ':'", "expected <block end>",
     "expected alphabetic or numeric character", "expected the node content", "found unexpected end of stream",
     "mapping values are not allowed", "sequence entries are not allowed", "unexpected end of stream",
-    "dbc sha256:Q", "a stream needs an asyncio.Protocol", "# bench trace 1",
+    "Approval of the report Q", "dbc sha256:Q", "a stream needs an asyncio.Protocol", "# bench trace 1",
     "import json, os, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))",
 }  # fmt: skip
@@ -53,7 +57,7 @@ PARTS = {
     " in mount 'Q'", " of user Q", ". It is made safe before the first step.", "Measure at Q temperatures, or ",
     "Q Q, its cable, and the instrument that reads it.", "Q is not stable after Q h: ", "Q was found energised: Q; ",
     "The output of the unit in place Q still changed by Q Q Q", "the plan has more than Q Q",
-    "the connection to Q Q", "the question was withdrawn: Q The angle of the head is not confirmed.",
+    ": see the signs of the output, and whether rows are displaced", "the connection to Q Q", "the question was withdrawn: Q The angle of the head is not confirmed.",
 }  # fmt: skip
 ENGLISH = 'lang="en"'
 
