@@ -57,7 +57,8 @@ PARTS = {
     " in mount 'Q'", " of user Q", ". It is made safe before the first step.", "Measure at Q temperatures, or ",
     "Q Q, its cable, and the instrument that reads it.", "Q is not stable after Q h: ", "Q was found energised: Q; ",
     "The output of the unit in place Q still changed by Q Q Q", "the plan has more than Q Q",
-    ": see the signs of the output, and whether rows are displaced", "the connection to Q Q", "the question was withdrawn: Q The angle of the head is not confirmed.",
+    ": see the signs of the output, and whether rows are displaced", "the connection to Q Q",
+    "the question was withdrawn: Q The angle of the head is not confirmed.",
 }  # fmt: skip
 ENGLISH = 'lang="en"'
 
