@@ -13,13 +13,14 @@ from bench.web.pages.results_shown import ShownFinding
 from tests.support.runs import ROOT
 
 WRITING = ("journal.write", "journal.try_to_write", "self._record")  # ends of calls that write an entry
+WRITERS = ("engine", "runner", "app")
 OTHERS = {"run_resumed", "gaps", "doubted", "fault_begins", "fault_ends"}  # kinds that stand in variables
 
 
 def written() -> tuple[set[str], set[str]]:
     """Kinds of the entries that the program writes, and names of their facts."""
     kinds, facts = set(OTHERS), set()
-    for path in (ROOT / "bench").rglob("*.py"):
+    for path in (path for folder in WRITERS for path in (ROOT / "bench" / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(WRITING):
                 match node.args:

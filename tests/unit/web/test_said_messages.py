@@ -5,7 +5,9 @@ import asyncio
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from html import unescape
+from pathlib import Path
 
 import pytest
 
@@ -81,6 +83,11 @@ def messages(node: ast.AST) -> Iterator[str]:
             yield from messages(each)
 
 
+@lru_cache
+def messages_of(path: Path) -> frozenset[str]:
+    return frozenset(messages(ast.parse(path.read_text("utf-8"))))
+
+
 def is_translated(text: str) -> bool:
     """Return True for a message that leaves no English, by itself or without the values at its ends."""
     inner = re.sub(r"^(?:Q[ :]*)+|[ :]*Q$", "", text).strip(" :,")
@@ -91,13 +98,13 @@ def is_translated(text: str) -> bool:
 def test_every_message_has_a_translation(where):
     paths = sorted(ROOT.glob(where) if "." in where else (ROOT / where).rglob("*.py"))
     assert paths
-    found = {text for path in paths for text in messages(ast.parse(path.read_text("utf-8"))) if not SQL.match(text)}
+    found = {text for path in paths for text in messages_of(path) if not SQL.match(text)}
     assert sorted(text for text in found - ELSEWHERE - PARTS if not is_translated(text)) == []
 
 
 def test_texts_that_stay_english_are_those_of_the_program():
     paths = [path for folder in ("bench", "drivers") for path in (ROOT / folder).rglob("*.py")]
-    texts = {text for path in paths for text in messages(ast.parse(path.read_text("utf-8")))}
+    texts = set().union(*map(messages_of, paths))
     assert sorted((ELSEWHERE | PARTS) - texts) == []
 
 
