@@ -25,14 +25,16 @@ QUOTED = re.compile(r"(?<=')\{(\w+)\}(?=')")
 ABOUT = re.compile(r"(?P<what>\S.*?:\d+(?::\d+)?|[^\s:]+|\d[^:]*|'.*?'|\".*?\"): (?P<text>.+)", re.DOTALL)
 # A name, and what is said of it.
 SUBJECT = re.compile(
-    r"(?P<what>(?!(?:it|that|none|nothing)\b)[a-z\d][\w.]*|'.*?') (?P<text>(?:is|has|was|needs|names) .+)", re.DOTALL
+    r"(?P<what>(?!(?:it|that|none|nothing)\b)[a-z\d.][\w.]*|'.*?') (?P<text>(?:is|has|was|needs|names) .+)", re.DOTALL
 )
 # Of a check: severity, sentence, and rule.
 FOUND = re.compile(r"(?:(?P<severity>warning): )?(?P<text>.+?)(?P<rule> \[[a-z]+(?:-[a-z]+)*\])?", re.DOTALL)
 NAME = r"(?:'[^']*'|\"[^\"]*\"|[^\s,;]+(?: \([A-Z]+\))?)"
+IN_QUOTES = re.compile(r"'[^']*'|\"[^\"]*\"")  # names, and answers of instruments
 NAMES = re.compile(r", | or | and ")  # between names of a list
 PROSE = re.compile(r"[A-Za-z]{2,}[^\w,]* [^\w,]*[a-z]{2,}")  # two words
 LEFT = 'lang="en"'  # of what is not translated
+MARKED = re.compile(f"<span {LEFT}>(.*?)</span>", re.DOTALL)
 DEPTH = 12  # of sentences within a sentence
 LONGEST = 1000  # characters of a sentence that is looked up
 SHORT, SHORT_AT_BEGIN = 8, 4  # characters of a sentence that says nothing if a place of it is not known
@@ -73,15 +75,17 @@ def _within(text: str, language: str, depth: int) -> Markup:
 
 @lru_cache(maxsize=5000)
 def _translated(text: str, language: str, depth: int) -> Markup | None:
-    """Return the first translation that leaves nothing in English, else the first one; None if there is none."""
+    """Return the first translation that leaves nothing in English, else the one that leaves least; None for none."""
     if len(text) > LONGEST or not depth:
         return None
-    first = None
+    best, least = None, 0
     for found in _translations(text, language, depth - 1):
         if LEFT not in found:
             return found
-        first = found if first is None else first
-    return first
+        left = sum(map(len, MARKED.findall(found)))
+        if best is None or left < least:
+            best, least = found, left
+    return best
 
 
 def _translations(text: str, language: str, depth: int) -> Iterator[Markup]:
@@ -111,10 +115,12 @@ def _translations(text: str, language: str, depth: int) -> Iterator[Markup]:
 
 
 def _after(form: re.Pattern[str], joined: str, text: str, language: str, depth: int) -> Iterator[Markup]:
-    """Yield what follows the words that a sentence is about, if it is known."""
+    """Yield what follows the words that a sentence is about, if it is known; names among these words stay."""
     match = form.fullmatch(text)
-    if match is not None and (what := _translated(match["text"], language, depth)) is not None:
-        yield escape(match["what"]) + joined + what
+    if match is not None and (said_so := _translated(match["text"], language, depth)) is not None:
+        what = match["what"]
+        is_text = PROSE.search(what) and ":" not in what
+        yield (_within(what, language, depth) if is_text else escape(what)) + joined + said_so
 
 
 def _parts(text: str, language: str, depth: int) -> Iterator[tuple[Markup, bool]]:
@@ -164,8 +170,8 @@ def _placed(place: str, text: str, saying: _Saying, language: str, depth: int) -
 
 
 def _english(text: str) -> Markup:
-    """Return a text that is not translated, marked as English if it has words and is no name in quotes."""
-    is_prose = PROSE.search(text) and not re.fullmatch("'[^']*'", text)
+    """Return a text that is not translated, marked as English if it has words outside of quotes."""
+    is_prose = PROSE.search(IN_QUOTES.sub("''", text))
     return Markup('<span lang="en">{}</span>').format(text) if is_prose else escape(text)
 
 

@@ -57,7 +57,7 @@ CONTENTS = MethodWords(
         "contains:asymmetry": "contains the asymmetry of converter or voltmeter",
     },
 )
-SAID = (DONE, SCRIPTED)  # words of the program among the answers, and among the names of who gave them
+SAID = (DONE, SCRIPTED, "rehearsal")  # words of the program among the answers, and among the names of people
 
 
 def quantity_in_words(quantity: str) -> str:

@@ -29,7 +29,7 @@ def read_kept(path: Path, form: Form, limit_bytes: int = LIMIT_BYTES) -> Any:
     except (ValueError, RecursionError) as problem:
         raise StoreError(f"{path}: cannot be read ({problem})") from problem
     if wrong := form(content):
-        raise StoreError(f"{path}: {wrong}")
+        raise StoreError(f"{path}: {wrong.strip()}")
     return content
 
 

@@ -41,7 +41,7 @@ def problem_to_write() -> str:
 
 def problem_to_read() -> str:
     """Return the reason why this user cannot read the shared folder; "" if reading works or there is none."""
-    return _problem(os.R_OK | os.X_OK, "read")
+    return _problem(os.R_OK | os.X_OK, "read from")
 
 
 def folder_to_write(name: str) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from typing import Any, NamedTuple
@@ -46,9 +45,9 @@ NEWS = {
     "run_ended": "run ended",
 }
 URGENT = frozenset({"problem", "step_failed", "unit_dropped", "device_left_out", "fault", "stalled"})
-SENTENCES = frozenset({"text", "why", "by"})  # values with words of the program
+SENTENCES = frozenset({"text", "why", "by", "problem"})  # values with words of the program
+STATES = frozenset({"how", "state", "action", "wish", "command"})  # values that are one word of the program
 OF_PEOPLE = frozenset({"asked", "answered", "command", "order"})  # entries with what people have said
-FACTS = re.compile(r"; (?=\w+: )")  # between the facts of an entry in one text
 LASTING = frozenset({"ramp", "soak", "wait", "wait_until", "set", "orient", "rotate", "oscillate"})
 
 
@@ -88,12 +87,9 @@ def _worded(events: Iterable[Event], steps: Mapping[str, Facts]) -> Iterator[tup
                 yield event, escape(in_words(NOW, planned))
 
 
-def facts_in_words(text: str) -> Markup:
-    """Return the facts of an entry, as "text: …; by: …", with its sentences in the current language."""
-    facts = [fact.partition(": ") for fact in FACTS.split(text)]
-    return Markup("; ").join(
-        escape(key + colon) + (said(value) if key in SENTENCES else escape(value)) for key, colon, value in facts
-    )
+def kind_in_words(kind: str) -> str:
+    """Return the kind of an entry in words; the release of a hold is no release of a file."""
+    return tr("hold released" if kind == "released" else kind.replace("_", " "))
 
 
 def _values(kind: str, data: Mapping[str, Any]) -> _Known:

@@ -112,11 +112,18 @@ def findings_of(run: RunSummary) -> RunFindings:
         UnitVerdict(place=each["place"], uut=each["uut"], verdict=each["verdict"], flags=each.get("flags", []))
         for each in content.get("units", [])
     ]
-    problems = list(dict.fromkeys([*_problems(run), *map(str, content.get("left_out", []))]))
+    problems = list(dict.fromkeys([*_problems(run), *map(_left_out, content.get("left_out", []))]))
     return RunFindings(
         run=run.id, verdict=run.manifest.get("verdict") or content["verdict"], units=units, findings=found,
         problems=problems, reasons=[*problems, *_reasons(found)],
     )  # fmt: skip
+
+
+def _left_out(found: object) -> str:
+    match found:
+        case {"step": step, "why": why}:
+            return f"step {step} was left out: {why}"
+    return str(found)
 
 
 def _problems(run: RunSummary) -> list[str]:

@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 from bench.clock import wall_utc
 from bench.figures.languages import tr
 from bench.figures.numbers import decimals, scale_shown, with_expanded
-from bench.figures.words import quantity_in_words, where
+from bench.figures.words import CONTENTS, REASONS, quantity_in_words, where
 from bench.station.runs.findings import FindingView
 from bench.web.shown import clock_time
 
@@ -76,6 +76,12 @@ class ShownFinding:
     @property
     def _sides(self) -> tuple[float | None, float | None]:
         return self.finding.low, self.finding.high
+
+    @property
+    def flags(self) -> str:
+        """Flags in words; an unknown one unchanged."""
+        known = {**CONTENTS, **REASONS}
+        return tr(", ").join(tr(known.get(flag, flag)) for flag in self.finding.flags)
 
     @property
     def quantity(self) -> str:

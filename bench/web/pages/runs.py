@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.figures.numbers import scale_shown
-from bench.figures.words import quantity_in_words
+from bench.figures.words import answer_text, quantity_in_words
 from bench.station.queue.resuming import ResumptionView
 from bench.station.runs.course import course_of
 from bench.station.runs.findings import FindingView, findings_of
@@ -25,8 +25,8 @@ from bench.station.view import RunFilter, RunInfo, found_runs, run_info, run_vie
 from bench.store.manifest_form import SHOWN_STATES, VERDICTS
 from bench.web.access import Approver, Operator, Reader
 from bench.web.api import results, signoff
-from bench.web.news import facts_in_words
 from bench.web.pages import charts
+from bench.web.pages.entries_shown import facts_in_words, kind_in_words
 from bench.web.pages.render import form_of, language_of, page, person_of
 from bench.web.pages.results_shown import ShownFinding, clock, conditions, difference, mark, scaled, state_in_words
 from bench.web.pages.signing import decision_of, signing_of
@@ -39,7 +39,8 @@ REPORTED_WITHIN = timedelta(minutes=2)
 Words: dict[str, Any] = {
     "clock": clock, "mark": mark, "state_in_words": state_in_words, "scaled": scaled, "difference": difference,
     "conditions": conditions, "quantity_in_words": quantity_in_words, "scale_shown": scale_shown,
-    "shown": ShownFinding, "facts_in_words": facts_in_words, "bullet": charts.bullet,
+    "shown": ShownFinding, "facts_in_words": facts_in_words, "kind_in_words": kind_in_words, "bullet": charts.bullet,
+    "answer_text": answer_text,
 }  # fmt: skip
 
 

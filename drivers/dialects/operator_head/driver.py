@@ -171,7 +171,8 @@ def move_prompt(device: str, from_deg: float | None, to_deg: float, approach: Ap
     elif from_deg == to_deg:
         way = ", where it stands now" if approach == "direct" else ", where it stands now: away from it and back"
     else:
-        way = f", from {spelled(from_deg)} {'up' if to_deg > from_deg else 'down'} by {spelled(abs(to_deg - from_deg))}"
+        start, turned = spelled(from_deg), spelled(abs(to_deg - from_deg))
+        way = f", from {start} up by {turned}" if to_deg > from_deg else f", from {start} down by {turned}"
     return (
         f"Turn {device} by hand to {spelled(to_deg)}{way}{_COMING[approach]}. When it is there and "
         "locked, type the angle that it shows, in ° or deg."

@@ -30,6 +30,7 @@ from bench.report import flag_words
 from bench.report.tables import VARIABLES, WORST, model_sheet
 from bench.report.write import write_report
 from bench.sequence.method import known_methods, texts_of
+from bench.station.prepare.sequences import head_of, purpose_of
 from bench.web import news, sentence
 from bench.web.pages import alerts, instruments, panels, places, problems
 from drivers.installed import loaded
@@ -182,6 +183,17 @@ def test_the_titles_of_shipped_sequences_are_in_the_catalogue(name):
     titles = {read_document(path).value["title"] for path in (ROOT / "sequences").glob("*.yaml")}
     assert len(titles) > 10
     assert sorted(titles - set(catalogue_of(name))) == []
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_purpose_presets_and_parameters_of_shipped_sequences_are_in_the_catalogue(name):
+    lacking = []
+    for path in sorted((ROOT / "sequences").glob("*.yaml")):
+        document = read_document(path)
+        blocks = (document.value.get(key, {}) for key in ("parameters", "presets"))
+        texts = [purpose_of(head_of(document.text)), *(each["help"] for block in blocks for each in block.values())]
+        lacking += [text for text in texts if text not in catalogue_of(name)]
+    assert lacking == []
 
 
 def sources_of_uncertainty():

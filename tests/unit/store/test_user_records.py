@@ -159,7 +159,7 @@ def test_the_form_of_an_object_names_the_place():
         (b"{", "cannot be read ("), (b"\xff", "cannot be read ("),
         (b'"\\ud800"', "cannot be read (an unpaired surrogate)"),
         (b"NaN", "cannot be read (NaN is not a number)"), (b"1e999", "cannot be read (1e999 is not a number)"),
-        (b"[" * 100_000, "cannot be read ("), (b"1", " is not text"), (b'"' + b"x" * 100 + b'"', "cannot be read ("),
+        (b"[" * 100_000, "cannot be read ("), (b"1", "is not text"), (b'"' + b"x" * 100 + b'"', "cannot be read ("),
     ],
 )  # fmt: skip
 def test_a_file_that_does_not_fit_is_refused(tmp_path, content, told):

@@ -5,14 +5,18 @@ import asyncio
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from html import unescape
+from pathlib import Path
 
 import pytest
 
 from bench.app.resume import prepare_again, read_interrupted, summary_lines
+from bench.config.bench import load_bench
 from bench.errors import InputError
-from bench.figures.languages import language
+from bench.figures.languages import catalogue_of, language
 from bench.figures.sayings import said
+from bench.station.runs.course import USUAL
 from bench.store.reader import RunReader
 from bench.web.news import news
 from tests.support.killed import interrupted
@@ -23,9 +27,16 @@ from tests.unit.web.test_sayings import text_of
 
 # Folders and modules all of whose messages are seen on pages.
 SEEN = (
-    "engine", "runner", "guardian", "sequence", "app/resume.py", "app/credited.py", "app/clock_record.py",
-    "methods/*/rules.py",
+    "drivers", "bench/engine", "bench/runner", "bench/guardian", "bench/sequence", "bench/config", "bench/store",
+    "bench/reduce", "bench/rig.py", "bench/files.py", "bench/errors.py", "bench/quality.py", "bench/app/resume.py",
+    "bench/app/credited.py", "bench/app/clock_record.py", "bench/methods/*/rules.py", "bench/methods/*/doubts.py",
+    "bench/metrology/plausibility.py", "bench/methods/*/reduction/plausibility.py", "bench/offline/doubts.py",
+    "bench/app/beginning.py", "bench/app/can_nodes.py", "bench/app/drawn.py", "bench/app/laboratory.py",
+    "bench/app/pending.py", "bench/app/scenario.py", "bench/station/queue", "bench/station/signoff",
+    "bench/station/worker.py", "bench/station/alerts/route.py", "bench/web/guards.py", "bench/web/identity.py",
+    "bench/web/limits.py", "bench/web/patience.py",
 )  # fmt: skip
+SQL = re.compile(r"\s*(?:BEGIN|CREATE|DELETE|INSERT|PRAGMA|REPLACE|SELECT|UPDATE|WHERE)\b|run = \?|default-src ")
 DESCRIBING = {"Field", "Rule"}  # calls with texts of the reference
 # Texts that stay in terminals and logs, and those that are no sentences.
 ELSEWHERE = {
@@ -36,6 +47,10 @@ ELSEWHERE = {
     "Stopping: teardown runs now and takes about Q min. Ctrl-C again skips it and makes the devices safe at once.",
     "Ending Q, which has instruments of this bench.", "Q did not release them within Q s and is killed.",
     "Q hands the bench over.", "Manual control: the run obeys orders of an engineer until the session is ended",
+    "<stream end>", "cannot start any token", "could not find expected ':'", "expected <block end>",
+    "expected alphabetic or numeric character", "expected the node content", "found unexpected end of stream",
+    "mapping values are not allowed", "sequence entries are not allowed", "unexpected end of stream",
+    "Approval of the report Q", "dbc sha256:Q", "a stream needs an asyncio.Protocol", "# bench trace 1",
     "import json, os, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))",
 }  # fmt: skip
@@ -44,6 +59,8 @@ PARTS = {
     " in mount 'Q'", " of user Q", ". It is made safe before the first step.", "Measure at Q temperatures, or ",
     "Q Q, its cable, and the instrument that reads it.", "Q is not stable after Q h: ", "Q was found energised: Q; ",
     "The output of the unit in place Q still changed by Q Q Q", "the plan has more than Q Q",
+    ": see the signs of the output, and whether rows are displaced", "the connection to Q Q",
+    "the question was withdrawn: Q The angle of the head is not confirmed.",
 }  # fmt: skip
 ENGLISH = 'lang="en"'
 
@@ -66,6 +83,11 @@ def messages(node: ast.AST) -> Iterator[str]:
             yield from messages(each)
 
 
+@lru_cache
+def messages_of(path: Path) -> frozenset[str]:
+    return frozenset(messages(ast.parse(path.read_text("utf-8"))))
+
+
 def is_translated(text: str) -> bool:
     """Return True for a message that leaves no English, by itself or without the values at its ends."""
     inner = re.sub(r"^(?:Q[ :]*)+|[ :]*Q$", "", text).strip(" :,")
@@ -74,15 +96,15 @@ def is_translated(text: str) -> bool:
 
 @pytest.mark.parametrize("where", SEEN)
 def test_every_message_has_a_translation(where):
-    base = ROOT / "bench"
-    paths = sorted(base.glob(where) if "." in where else (base / where).rglob("*.py"))
+    paths = sorted(ROOT.glob(where) if "." in where else (ROOT / where).rglob("*.py"))
     assert paths
-    found = {text for path in paths for text in messages(ast.parse(path.read_text("utf-8")))}
+    found = {text for path in paths for text in messages_of(path) if not SQL.match(text)}
     assert sorted(text for text in found - ELSEWHERE - PARTS if not is_translated(text)) == []
 
 
 def test_texts_that_stay_english_are_those_of_the_program():
-    texts = {text for path in (ROOT / "bench").rglob("*.py") for text in messages(ast.parse(path.read_text("utf-8")))}
+    paths = [path for folder in ("bench", "drivers") for path in (ROOT / folder).rglob("*.py")]
+    texts = set().union(*map(messages_of, paths))
     assert sorted((ELSEWHERE | PARTS) - texts) == []
 
 
@@ -100,6 +122,54 @@ def test_a_warning_keeps_its_file_its_rule_and_what_is_to_be_written():
         "a.yaml:4:5：警告：没有步骤使用参数“rate”。请将其删除，或在应使用处写入 ${rate} [unused-parameter]"
     )
     assert chinese("steps: unknown key; expected call or with") == "steps：未知的键；应为 call、with"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("title:", "tilte:", "tilte：未知的键；是否指“title”？"),
+        ("driver: watlow_f4t", "driver: watlow_f5t", "没有驱动程序 'watlow_f5t'；是否指“watlow_f4t”？"),
+        (
+            "sim+tcp://127.0.0.1:8000",
+            "sim+slcan:///tmp/x",
+            "aerotech_ensemble 通过 serial、socket、tcp 连接，而不是 slcan",
+        ),
+        ("Latch.Tick", "Latch.Tock", "if_counter.dbc 没有信号“Latch.Tock”；是否指“Latch.Tick”？"),
+        ("min: -50 °C, max: 100 °C", "min: 150 °C, max: 100 °C", "min 不小于 max"),
+        ("channel: x", "channel: w", "没有计数器有通道“w”；应为 x、y、z"),
+    ],
+)
+def test_a_refused_bench_file_is_chinese(tmp_path, old, new, problem):
+    with pytest.raises(InputError) as refused:
+        load_bench(copy_bench(tmp_path, (old, new)))
+    found = [chinese(each) for each in refused.value.problems]
+    assert [each for each in found if ENGLISH in each] == []
+    assert problem in unescape("\n".join(found))
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        (
+            "scanner: its setup has changed; expected a scan of (@101,102); received (@101) as TC in C, a scan running",
+            "scanner：其设置已更改；应为扫描 (@101,102)；收到 (@101)，类型 TC，单位 C，扫描正在进行",
+        ),
+        (
+            "table: the controller reports a fault: overspeed; received disabled, moving, mode off",
+            "table：控制器报告故障：overspeed；收到已停用，运动中，模式关闭",
+        ),
+        (
+            "93° was typed, 90° was asked for: it is +3° off, at most ±0.5° may be. Turn head by hand to 90°, from "
+            "30° up by 60°, coming to it from below. When it is there and locked, type the angle that it shows, in "
+            "° or deg.",
+            "输入了 93°，要求的是 90°：偏差 +3°，最多允许 ±0.5°。请手动将 head 转至 90°，从 30° 增大 60°，从下方接近。"
+            "到位并锁紧后，请输入其显示的角度，单位 ° 或 deg。",
+        ),
+        ("/r/results.json: .units.0 is not an object", "/r/results.json：.units.0 不是对象"),
+    ],
+)
+def test_messages_of_many_parts_are_chinese(text, shown):
+    assert unescape(chinese(text)) == shown
 
 
 def journal_texts(path) -> set[str]:
@@ -124,6 +194,14 @@ def test_an_interlock_and_the_end_of_its_run_are_chinese(failed):
     assert [text for text in texts if ENGLISH in chinese(text)] == []
     assert chinese(failed.problems[0]).startswith("联锁 warm 已触发：unit_temperature 为 ")
     assert chinese("interlock warm") == "联锁 warm"
+
+
+def test_facts_of_all_entries_of_a_run_have_chinese_names(failed):
+    with RunReader(failed.path) as reader:
+        entries = [entry for entry in reader.events() if entry.kind not in USUAL]
+    names = {name for entry in entries for name in entry.data}
+    assert len(names) > 10
+    assert [name for name in sorted(names) if f"{name}: " not in catalogue_of("zh")] == []
 
 
 def test_news_of_a_run_are_chinese_and_what_people_say_stays(failed):
@@ -151,8 +229,8 @@ def test_the_page_of_a_failed_run_says_why_in_chinese(failed, tmp_path):
     (reasons,) = re.findall(r'<ul class="reasons">(.*?)</ul>', page, re.DOTALL)[:1]
     assert "20 min 内未恢复；停止试验" in reasons
     assert ENGLISH not in reasons
-    assert "text: 联锁 warm 已触发" in page
-    assert "by: 联锁 warm" in page
+    assert "内容：联锁 warm 已触发" in page
+    assert "操作者：联锁 warm" in page
 
 
 @pytest.mark.parametrize(
@@ -160,6 +238,8 @@ def test_the_page_of_a_failed_run_says_why_in_chinese(failed, tmp_path):
     [
         ("[{device: supply, kind: silent, at: 10 s}]", "无应答"),
         ("[{device: chamber, kind: heater_dead, at: 1 min}]", "温箱"),
+        ("[{device: head, kind: emergency_stop, at: 1 min}]", "轴 X 有故障：急停"),
+        ("[{device: chamber, kind: front_panel, at: 1 min}]", "控制回路 1 不在自动模式"),
     ],
 )
 def test_problems_of_instruments_are_chinese(tmp_path, faults, reason):

@@ -114,6 +114,20 @@ def test_what_is_not_known_is_marked_as_english_and_nothing_is_markup():
     assert chinese("QF-1\nthere is no run 'a'") == "QF-1\n没有试验“a”"
 
 
+def test_answers_of_instruments_stay_and_are_no_english_text():
+    refused = (
+        """supply: the instrument refused a command; received -222,"Data out of range"; -113,"Undefined header\"."""
+    )
+    assert "lang=" not in chinese(refused)
+    assert "received" not in chinese(refused)
+    assert "Data out of range" in chinese(refused)
+
+
+def test_of_several_readings_the_one_that_leaves_least_in_english_is_taken():
+    text = "a.yaml: more than one line was received; sent 'x'; received what nobody knows"
+    assert chinese(text) == ('a.yaml：收到多于一行；已发送 &#39;x&#39;；收到 <span lang="en">what nobody knows</span>')
+
+
 def test_refusals_and_preflight_lines_of_pages_are_chinese(tmp_path):
     async def main():
         async with asked(tmp_path, tmp_path / "runs") as station:

@@ -118,6 +118,16 @@ def test_the_reasons_of_a_verdict_name_value_and_limit(tmp_path):
     ]  # fmt: skip
 
 
+def test_steps_that_were_left_out_are_a_reason_in_words(tmp_path):
+    run = stored(tmp_path, instant(2020))
+    content = json.loads((run / "results.json").read_text())
+    left_out = [{"step": "steps/measure", "why": "head: no answer within 2 s"}, "of an earlier version"]
+    (run / "results.json").write_text(json.dumps({**content, "left_out": left_out}))
+    assert findings_of(summary(run)).problems == [
+        "step steps/measure was left out: head: no answer within 2 s", "of an earlier version",
+    ]  # fmt: skip
+
+
 def test_results_that_somebody_has_broken_are_a_problem_in_words(tmp_path):
     run = stored(tmp_path, instant(2020))
     (run / "results.json").write_text(json.dumps({"verdict": "PASS", "findings": [{"id": 3}]}))
