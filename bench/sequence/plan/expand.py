@@ -15,6 +15,7 @@ from bench.sequence.document.model import PHASES, Outline
 from bench.sequence.document.outline import block_around
 from bench.sequence.language.expressions import Value
 from bench.sequence.plan.plan import Node, Nodes, Plan
+from bench.sequence.plan.result_settings import evaluated_results
 from bench.sequence.plan.scope import Scope, names_mentioned
 from bench.sequence.plan.subsequences import Called, call_parameters, read_called, refuse_too_deep
 from bench.sequence.plan.unroll import Raw, Wrong, nodes_of, wrong_at
@@ -56,7 +57,10 @@ def expand(
         )  # fmt: skip
     except TooManySteps as problem:
         expansion.problems.append((problem.place, str(problem)))
-    outline = outline.model_copy(update={"needs": expansion.needs, "interlocks": expansion.interlocks})
+    results = evaluated_results(outline.results, parameters, expansion.problems)
+    outline = outline.model_copy(
+        update={"needs": expansion.needs, "interlocks": expansion.interlocks, "results": results}
+    )
     plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
     return plan, expansion.problems
 

@@ -1,0 +1,38 @@
+"""Settings of results that follow from the parameters of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from bench.config.document import Problem
+from bench.sequence.document.model import Outline, ResultEntry
+from bench.sequence.language.expressions import Value
+from bench.sequence.language.values import value_of
+from bench.sequence.plan.scope import Scope, names_mentioned
+
+
+def evaluated_results(
+    results: Sequence[ResultEntry], parameters: Mapping[str, Value], found: list[Problem]
+) -> tuple[ResultEntry, ...]:
+    """Results with the expressions of their settings evaluated; problems are added to `found`, without the setting."""
+    scope = Scope("steps", "results", parameters, {}, {})
+
+    def evaluated(index: int, entry: ResultEntry) -> ResultEntry:
+        before = len(found)
+        settings = scope.evaluated(entry.settings, ("results", index, "settings"), found)
+        if len(found) > before:
+            settings = {key: value for key, value in settings.items() if value is not None}
+        return entry.model_copy(update={"settings": settings})
+
+    return tuple(evaluated(index, entry) for index, entry in enumerate(results))
+
+
+def kept_parameters(outline: Outline, written: Mapping[str, str]) -> dict[str, Value]:
+    """Parameters that the settings of results mention, from their texts in a manifest."""
+    mentioned = names_mentioned([entry.settings for entry in outline.results])
+    lists = {name for name, parameter in outline.parameters.items() if isinstance(parameter.default, tuple)}
+    return {
+        name: value_of(text.split(", ") if name in lists else text)
+        for name, text in written.items()
+        if name in mentioned
+    }
