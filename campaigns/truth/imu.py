@@ -25,7 +25,7 @@ OF_ACCELEROMETERS = ("K0", "K1", "K1_si", "K2", "misalignment")
 OF_GYROS = ("D0", "KG", "g_sensitivity", "gyro_misalignment")
 QUANTITIES = (*OF_ACCELEROMETERS, *OF_GYROS)
 SHORT = (  # what the suite has time for
-    "temperatures=[20 °C, 30 °C]", "warm_up=30 min", "soak=30 min", "dwell=10 s", "settle=1 s", "rate_dwell=3 s",
+    "offsets=[0 °C, 10 °C]", "warm_up=30 min", "soak=30 min", "dwell=10 s", "settle=1 s", "rate_dwell=3 s",
     "ramp_rate=3 °C/min", "rates=[20 °/s, -20 °/s, 30 °/s, -30 °/s, 40 °/s, -40 °/s]",
 )  # fmt: skip
 

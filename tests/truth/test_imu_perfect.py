@@ -16,7 +16,7 @@ from campaigns.truth.replay import replayed, template_of
 
 SEEDS = range(1, 13)
 SHORT = (
-    "temperatures=[20 °C, 30 °C, 40 °C]", "warm_up=2 h", "soak=30 min", "dwell=60 s", "settle=1 s", "rate_dwell=3 s",
+    "offsets=[0 °C, 10 °C, 20 °C]", "warm_up=2 h", "soak=30 min", "dwell=60 s", "settle=1 s", "rate_dwell=3 s",
     "ramp_rate=3 °C/min", "rates=[20 °/s, -20 °/s, 30 °/s, -30 °/s, 40 °/s, -40 °/s]",
 )  # fmt: skip
 LARGEST = 5.0  # |error|/u of 1400 values, most of which have more than 15 degrees of freedom

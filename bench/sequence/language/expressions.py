@@ -1,5 +1,7 @@
 """Expressions `${…}` over parameters and loop variables: arithmetic and comparison of quantities, a few functions.
 
+Arithmetic of a list and a quantity is that of each of its values.
+
 A constant with a unit is quoted: `${temperature + '5 °C'}`. Everything else that Python knows (attributes,
 indices, powers, formatted text, calls of anything but the functions here) is refused before it is evaluated.
 """
@@ -175,11 +177,24 @@ def _equal(a: object, b: object) -> bool:
     return a == b
 
 
+def _of_each(operate: Callable[[Quantity, object], Quantity]) -> Callable[[object, object], Value]:
+    """An operation of two quantities, or of a list and a quantity for each value of the list."""
+
+    def operated(a: object, b: object) -> Value:
+        if isinstance(a, tuple):
+            return tuple(operate(as_quantity(each), b) for each in a)
+        if isinstance(b, tuple):
+            return tuple(operate(as_quantity(a), each) for each in b)
+        return operate(as_quantity(a), b)
+
+    return operated
+
+
 _OPERATORS: dict[type[ast.AST], Any] = {
-    ast.Add: lambda a, b: as_quantity(a) + b,
-    ast.Sub: lambda a, b: as_quantity(a) - b,
-    ast.Mult: lambda a, b: as_quantity(a) * b,
-    ast.Div: lambda a, b: as_quantity(a) / b,
+    ast.Add: _of_each(lambda a, b: a + b),
+    ast.Sub: _of_each(lambda a, b: a - b),
+    ast.Mult: _of_each(lambda a, b: a * b),
+    ast.Div: _of_each(lambda a, b: a / b),
     ast.USub: lambda a: -as_quantity(a),
     ast.UAdd: lambda a: as_quantity(a),
     ast.Not: lambda a: not _truth(a),

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 BENCH = ROOT / "config/every_dialect.yaml"
 SHORT = {  # sequence: where its units are, and how the preset `quick` is made shorter still
-    "imu_24_position": ("b", ["temperatures=[20 °C]", "warm_up=0 s", "dwell=10 s"]),
+    "imu_24_position": ("b", ["offsets=[0 °C]", "warm_up=0 s", "dwell=10 s"]),
     "channel_full": (
         "a", ["low=25 °C", "high=31 °C", "levels=[1 g]", "warm_up=0 s", "source_warm_up=1 min", "point=10 s"],
     ),
