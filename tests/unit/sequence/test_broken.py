@@ -43,6 +43,12 @@ GOOD = sorted((FOLDER / "good").glob("*.yaml"))
 SHIPPED = sorted((ROOT / "sequences").glob("*.yaml"))
 
 
+AS_PUBLISHED = {  # what the checker says of the figures of a source
+    "gyro_response": ("commensurate-swing", "swept-band"),
+    "accel_response": ("too-few-pulses", "commensurate-swing", "swept-band"),
+}
+
+
 def expected_of(path):
     """The comments at the beginning of a file: a line for each message."""
     lines = path.read_text("utf-8").split("\n")
@@ -101,4 +107,6 @@ def test_a_shipped_sequence_is_told_nothing_on_a_bench_of_its_own(name, bench):
     path = ROOT / "sequences" / f"{name}.yaml"
     plan, _ = load_judged_plan(path, loaded)
     for preset in (None, *plan.sequence.presets):
-        assert found_in(path, loaded, preset=preset) == []
+        rules = AS_PUBLISHED.get(name, ()) if preset == "as_published" else ()
+        warned = [line.rpartition("[")[2].rstrip("]") for line in found_in(path, loaded, preset=preset)]
+        assert warned == list(rules), preset

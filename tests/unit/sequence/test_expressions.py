@@ -65,6 +65,9 @@ def refusal(expression: str) -> str:
         ("len(angles)", "2"),
         ("len(angles) == 2", "true"),
         ("angles", "0 °, 90 °"),
+        ("angles + '5°'", "5 °, 95 °"),
+        ("'5°' - angles", "5 °, -85 °"),
+        ("2 * angles / n", "0 °, 60 °"),
         ("mode", "fast"),
         ("  n  ", "3"),
         ("ｎ", "3"),  # full-width, which Python and our quantities take for the same letter
@@ -153,7 +156,7 @@ def test_an_unknown_name_is_told_with_what_is_meant(expression, reason):
         ("mode * 2", "'fast' is not a quantity"),
         ("mode == n", "'fast' is not a quantity"),
         ("-mode", "'fast' is not a quantity"),
-        ("angles + 1", "a list is not a quantity"),
+        ("angles + angles", "a list is not a quantity"),
         ("angles == n", "a list is not a quantity"),
         ("round(t)", "is in s, expected a number without a unit"),
         ("sin(1)", "is a bare number, expected a quantity in °"),
