@@ -43,6 +43,7 @@ EXPRESSIONS = (
     ("temperature > '0 °C' and not soak == '1 h'", "`and` `or` `not`"),
     ("'2 h' if temperature < '0 °C' else '1 h'", "one value or another"),
     ("abs(temperature - '30 °C')", "the size, without the sign"),
+    ("positions + '10°'", "a list, with each of its values"),
     ("min(soak, '90 s')", "the smallest of values or of a list"),
     ("max(positions)", "the largest of values or of a list"),
     ("round(2.6)", "the nearest whole number; for numbers without a unit"),
@@ -80,7 +81,7 @@ def sequence_page() -> Blocks:
         "`V` `W` `Ω` `Hz` `g` `rad` `arcsec` `pulse` `N` `Pa`.",
         "## Expressions",
         "A value may be `${…}` over parameters, the names of loops around the step, and what was measured or answered "
-        f"before. Here {_names()}.",
+        f"before; in `settings` of results, over parameters. Here {_names()}.",
         table(("expression", "gives", "shows"), map(_evaluated, EXPRESSIONS)),
     ]
 

@@ -12,6 +12,7 @@ from bench.sequence.method import known_methods
 from bench.sequence.steps.verbs import BLOCKS
 from drivers.schema.fields import UNIT_KEYWORD
 
+EXPRESSION = r"^\$\{.*\}$"
 _WORDS = {"description", "default"}  # for parts whose value the schema does not describe
 _STEP = {"$ref": "#/$defs/AnyBlock"}
 
@@ -30,6 +31,8 @@ def sequence_schema() -> Schema:
         limits = {"limits": {"propertyNames": {"enum": list(method.quantities)}}}
         then = object_of({"settings": refs[method.settings], **limits}, settings)
         result["allOf"].append(when("method", name, then))
+    for method in methods.values():
+        _or_expressions(schema["$defs"][method.settings.__name__]["properties"])
     for model in BLOCKS.values():
         properties = schema["$defs"][model.__name__]["properties"]
         properties.update({key: VALUE_SCHEMA | found for key, found in properties.items() if not found.keys() - _WORDS})
@@ -40,6 +43,15 @@ def sequence_schema() -> Schema:
         "oneOf": [refs[model] for model in BLOCKS.values()],
     }
     return without_unused(schema)
+
+
+def _or_expressions(properties: Schema) -> None:
+    """Allow an expression for settings that are no quantities, such as a choice or a count."""
+    for key, found in properties.items():
+        if found.keys() & {"enum", "const"} or found.get("type") in ("integer", "number"):
+            value = {word: part for word, part in found.items() if word not in _WORDS}
+            words = {word: part for word, part in found.items() if word in _WORDS}
+            properties[key] = words | {"anyOf": [value, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def _complete(node: Any) -> None:
