@@ -125,7 +125,9 @@ class ResultEntry(StrictModel):
 
     method: str = Field(description="the name of an installed method")
     data: Name = Field(description="the label of the acquisitions")
-    settings: Any = Field(default_factory=dict, description="settings of the method; a value may be `${…}` over parameters")
+    settings: Any = Field(
+        default_factory=dict, description="settings of the method; a value may be `${…}` over parameters"
+    )
     closure: Name | None = Field(
         None, description="the label of acquisitions at the beginning and at the end, compared as a stability check"
     )

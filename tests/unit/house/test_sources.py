@@ -146,7 +146,9 @@ def test_no_other_sequence_has_such_a_preset():
 
 
 def test_links_lead_to_headings():
-    for number, path, anchor in LINK.findall(PAGE.read_text("utf-8")):
+    links = LINK.findall(PAGE.read_text("utf-8"))
+    assert links
+    for number, path, anchor in links:
         headings = re.findall(r"^#+ (.*)$", (PAGE.parent / path).read_text("utf-8"), re.MULTILINE)
         anchors = {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
         assert not anchor or anchor in anchors, number
