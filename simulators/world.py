@@ -111,7 +111,7 @@ class World:
         """Compute the temperatures up to now; return now."""
         now = self.now()
         self.thermal.advance(now)
-        for unit in self.units.values():
+        for unit in (*self.units.values(), *self.imus.values()):
             unit.temperatures.follow(now, unit.powered_at_s is not None)
         return now
 
@@ -197,14 +197,17 @@ class World:
         for unit in self.units.values():
             unit.fixed_anew(now)
 
-    def connect(self, fed_by: Input) -> None:
+    def connect(self, fed_by: Input, channel: str = "") -> None:
         """Connect the accelerometers, or the cables of the sources instead, to the converters.
 
-        A converter has one input. The cable of a disconnected source ends in a load.
+        A converter has one input. The cable of a disconnected source ends in a load. Of an inertial unit, all
+        accelerometers are connected, or none and the cable is plugged into the converter of one `channel`.
         """
         self.before_change()
         for unit in self.units.values():
             unit.input = fed_by
+        for imu in self.imus.values():
+            imu.input, imu.fed_channel = fed_by, channel
 
     def source_a(self, source: str, at_s: Array) -> Array:
         """Current of a source's cable at true times."""

@@ -14,6 +14,7 @@ from drivers.schema.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, Posi
 from drivers.schema.wording import telling
 
 DONE = "done"
+NO_CHANNEL = "none"
 A_DAY_S = 86400.0
 
 
@@ -78,12 +79,24 @@ class PhysicalChange(StrictModel):
         description="the input of the converter: its accelerometer (at the beginning of a run), "
         "or the cable of the current source",
     )
+    channel: Literal["acc_x", "acc_y", "acc_z", "none"] | None = Field(
+        None,
+        description="with `input: source`, of an inertial unit: the channel into whose converter the cable is plugged; "
+        "none for other units",
+    )
 
     @model_validator(mode="after")
     def _something(self) -> Self:
         if not self.model_fields_set:
             raise telling("names nothing to change; write for instance {mount: upright}")
+        if self.channel not in (None, NO_CHANNEL) and self.input != "source":
+            raise telling("channel is for the cable of a source: give input: source as well")
         return self
+
+    @property
+    def fed_channel(self) -> str:
+        """Channel of an inertial unit that the source feeds; empty for other units."""
+        return "" if self.channel in (None, NO_CHANNEL) else self.channel
 
 
 class Prompt(StepBase):

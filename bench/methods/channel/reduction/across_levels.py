@@ -96,6 +96,7 @@ class ChannelConclusions:
     def _deviations(self, compared: Compared) -> Iterator[Finding]:
         ours, theirs, found = compared.level, compared.reference, compared.comparison
         at = {"run": ours.name, "reference": theirs.name, "decision": found.decision}
+        decided = {"deviation/raw": found.decided["raw"], "deviation/normalised": found.decided["normalised"]}
         raw, raw_reference = ours.run.slope_per_c, theirs.run.slope_per_c
         relative, relative_reference = ours.run.relative_slope_per_c, theirs.run.relative_slope_per_c
         for quantity, deviation, value, reference, per in (
@@ -112,7 +113,8 @@ class ChannelConclusions:
             ]
             name, flags = "of the slope from that of the reference", ("marginal",) if compared.marginal else ()
             steps = (*ours.data.steps, *theirs.data.steps)
-            yield self.of_levels.finding(quantity, name, at, deviation.value, "1", lines, steps, flags)
+            own = {**at, "own_decision": decided[quantity].decision}
+            yield self.of_levels.finding(quantity, name, own, deviation.value, "1", lines, steps, flags)
 
     def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
         steps = tuple(step for level in self._usable for step in level.data.steps)
