@@ -10,7 +10,7 @@ from bench.config.interlocks import ReadingName
 from bench.sequence.steps.fields import Resumed, StepBase, choice_of, one_of
 from bench.sequence.steps.limits import LimitEntry
 from bench.sequence.steps.nested import Steps
-from drivers.schema.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
+from drivers.schema.fields import OR_EXPRESSION, AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
 from drivers.schema.wording import telling
 
 
@@ -83,7 +83,7 @@ class Measure(StepBase):
     subtracted. Readings from before the step are not used.
     """
 
-    reading: ReadingName = Field(alias="measure")
+    reading: Annotated[ReadingName, OR_EXPRESSION] = Field(alias="measure")
     duration_s: PositiveSeconds | None = Field(
         None, alias="for", description="averaging time; without it, the newest value"
     )

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 from bench.sequence.steps.fields import Resumed, StepBase, Text
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import QuantityError, parse_unit
-from drivers.schema.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
+from drivers.schema.fields import NOT_EMPTY, OR_EXPRESSION, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
 from drivers.schema.wording import telling
 
 DONE = "done"
@@ -73,13 +73,13 @@ class TypedInput(StrictModel):
 class PhysicalChange(StrictModel):
     """Change that a person makes by hand; in simulation, a simulated technician makes it."""
 
-    mount: Name | None = Field(None, description="the mount of the fixture to which the unit is attached")
+    mount: Annotated[Name, OR_EXPRESSION] | None = Field(None, description="the mount of the fixture to which the unit is attached")
     input: Literal["accelerometer", "source"] | None = Field(
         None,
         description="the input of the converter: its accelerometer (at the beginning of a run), "
         "or the cable of the current source",
     )
-    channel: Literal["acc_x", "acc_y", "acc_z", "none"] | None = Field(
+    channel: Annotated[Literal["acc_x", "acc_y", "acc_z", "none"], OR_EXPRESSION] | None = Field(
         None,
         description="with `input: source`, of an inertial unit: the channel into whose converter the cable is plugged; "
         "none for other units",
