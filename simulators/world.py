@@ -111,8 +111,10 @@ class World:
         """Compute the temperatures up to now; return now."""
         now = self.now()
         self.thermal.advance(now)
-        for unit in (*self.units.values(), *self.imus.values()):
+        for unit in self.units.values():
             unit.temperatures.follow(now, unit.powered_at_s is not None)
+        for imu in self.imus.values():
+            imu.temperatures.follow(now, imu.powered_at_s is not None)
         return now
 
     @property

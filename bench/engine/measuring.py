@@ -138,7 +138,7 @@ async def _output_in_g(place: str, sensor: str, duration_s: float, step_id: str,
     Of an inertial unit that of one accelerometer, a `sensor`.
     """
     outputs, per_g = await outputs_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
-    found = outputs.pop(sensor)
+    found = outputs[sensor]
     if per_g is None:
         raise StepError(f"the bench file does not give the nominal output at 1 g of the unit in place {place}")
     if math.isnan(found.value):
@@ -147,7 +147,7 @@ async def _output_in_g(place: str, sensor: str, duration_s: float, step_id: str,
             f"{bench.file.measured_by(place)}"
         )
     scatter = math.hypot(found.single_u, found.quantisation_u) / abs(per_g)
-    others = {name: each.value / per_g for name, each in outputs.items()}
+    others = {name: each.value / per_g for name, each in outputs.items() if name != sensor}
     return _Single(found.value / per_g, BY_NOMINAL, scatter, others=others)
 
 

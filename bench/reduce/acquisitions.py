@@ -177,9 +177,7 @@ class _BenchState:
 
     def interrupted(self) -> _BenchState:
         """State when the run goes on after an interruption: everything was off in between."""
-        return replace(
-            self, input="accelerometer", input_channel="", sources_a={}, on_since_s={}, stretch=self.stretch + 1
-        )
+        return replace(self, input="accelerometer", sources_a={}, on_since_s={}, stretch=self.stretch + 1)
 
     def without(self, roles: set[str]) -> _BenchState:
         """State with unknown angles of axes, or an unknown set point of the chamber."""

@@ -134,7 +134,8 @@ class _OrExpression:
         return core_schema.with_info_wrap_validator_function(self._validate, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [handler(schema), {"type": "string", "pattern": EXPRESSION}]}
+        expression = {"type": "string", "pattern": EXPRESSION, "description": "an expression ${…}"}
+        return {"anyOf": [handler(schema), expression]}
 
     @staticmethod
     def _validate(

@@ -52,14 +52,14 @@ def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, 
         "levels": {level.key: _level(world, level) for level in levels if _board_of(world, level.place).history},
         "sources": {role: asdict(feed.errors) for role, feed in sorted(world.sources.items())},
         "converter_thermometers": {
-            name: asdict(place.converter_thermometer)
-            for name, place in sorted({**world.settings.places, **world.settings.imus}.items())
+            **{name: asdict(at.converter_thermometer) for name, at in sorted(world.settings.places.items())},
+            **{name: asdict(at.converter_thermometer) for name, at in sorted(world.settings.imus.items())},
         },
     }
 
 
 def _board_of(world: World, place: str) -> Board:
-    return (world.imus if place in world.imus else world.units)[place].board
+    return world.imus[place].board if place in world.imus else world.units[place].board
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,8 @@ def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
     drifted_g = np.array([state.accelerometers_g[axis] for state in imu.history])
     upward = gravity_in_unit(world, imu, level.orientation)
     force_g = np.roll(upward, -axis)  # its pendulous and output axes are the next two
-    return _Channel(imu.truth.accelerometers[axis], (at_s, drifted_g), imu.settings.decodings.get(level.sensor), force_g)
+    through = imu.settings.decodings.get(level.sensor)
+    return _Channel(imu.truth.accelerometers[axis], (at_s, drifted_g), through, force_g)
 
 
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:

@@ -67,7 +67,7 @@ FEW_GATES = "fewer than half of its gates could be used, {used} of {count}"
 MANY_OUTLIERS = "too many outliers, {outliers} of {count} gates"
 THERMOSTAT = "the accelerometer was not at its temperature in {away} of {count} gates; that should end a run"
 OTHER_AXIS = (
-    "axis {axis} was along the vertical, not as mount '{mount}' has it: the accelerometers read {read}. The acquisition is "
+    "axis {axis} was along the vertical, unlike in mount '{mount}': the accelerometers read {read}. The acquisition is "
     "not used. Fix the unit as the prompt of this set-up asks, and measure it again"
 )
 ATTITUDE = (

@@ -132,7 +132,7 @@ class DocumentPass:
             for key, raw in block.items()
         }
         if not found:
-            looked_at = ready[verb] if verb in ("measure", "wait_until") else None
+            looked_at = str(ready[verb]) if verb in ("measure", "wait_until") else ""
             found = scope.misfits(model, ready, here, self._measured(looked_at) if looked_at else None)
         if not found:
             owner, inner = self._document.owner(here)

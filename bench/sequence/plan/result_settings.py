@@ -16,11 +16,11 @@ AnyOutline = TypeVar("AnyOutline", bound=Outline)
 def with_settings(outline: AnyOutline, parameters: Mapping[str, Value]) -> tuple[AnyOutline, list[Problem]]:
     """Return the outline with the settings of its results evaluated, and the problems of expressions."""
     found: list[Problem] = []
-    results = tuple(
-        entry.model_copy(update={"settings": _evaluated(entry.settings, parameters, ("results", index, "settings"), found)})
-        for index, entry in enumerate(outline.results)
-    )
-    return outline.model_copy(update={"results": results}), found
+    results = []
+    for index, entry in enumerate(outline.results):
+        settings = _evaluated(entry.settings, parameters, ("results", index, "settings"), found)
+        results.append(entry.model_copy(update={"settings": settings}))
+    return outline.model_copy(update={"results": tuple(results)}), found
 
 
 def as_chosen(outline: AnyOutline, written: Mapping[str, str]) -> AnyOutline:

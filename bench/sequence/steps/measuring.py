@@ -79,8 +79,8 @@ class Measure(StepBase):
 
     A reading is a named one, DEVICE.CHANNEL, or the pulse rate of a counter channel, which needs a time. So does
     OUTPUT.PLACE, where OUTPUT is a need of kind output: the output of the unit in a place, by whatever instrument, in g
-    by its nominal scale factor; of an inertial unit OUTPUT.PLACE.acc_x, acc_y or acc_z. `as` is its name in later expressions. With `net`, the value of the last `tare` is
-    subtracted. Readings from before the step are not used.
+    by its nominal scale factor; of an inertial unit OUTPUT.PLACE.acc_x, acc_y or acc_z. `as` is its name in later
+    expressions. With `net`, the value of the last `tare` is subtracted. Readings from before the step are not used.
     """
 
     reading: Annotated[ReadingName, OR_EXPRESSION] = Field(alias="measure")

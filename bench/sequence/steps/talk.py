@@ -73,7 +73,9 @@ class TypedInput(StrictModel):
 class PhysicalChange(StrictModel):
     """Change that a person makes by hand; in simulation, a simulated technician makes it."""
 
-    mount: Annotated[Name, OR_EXPRESSION] | None = Field(None, description="the mount of the fixture to which the unit is attached")
+    mount: Annotated[Name, OR_EXPRESSION] | None = Field(
+        None, description="the mount of the fixture to which the unit is attached"
+    )
     input: Literal["accelerometer", "source"] | None = Field(
         None,
         description="the input of the converter: its accelerometer (at the beginning of a run), "

@@ -117,7 +117,7 @@ def _expectations(bench: BenchFile) -> Iterator[tuple[str, Expectation]]:
         if per_g is None or nominal is None:
             continue
         per_a = None if nominal.K1 is None else per_g / nominal.K1
-        sensors = entry.accelerometers or {"": entry.channel or entry.telemetry or entry.voltmeter}
+        sensors = entry.accelerometers or {"": entry.channel or entry.telemetry or entry.voltmeter or ""}
         for row, (sensor, channel) in enumerate(sensors.items()):
             if channel in names:
                 yield names[channel], Expectation(bench, place, bench.output_unit(place), per_g, per_a, row, sensor)
