@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -41,12 +41,21 @@ def combined(
         compensations=tuple(chain.from_iterable(each.compensations for each in every)),
         left_out=tuple(dict.fromkeys([*_levels_left_out(data, unit, wrong), *left_out, *not_measured])),
         flags=(
-            *wrong.values(),
+            *_once_each(wrong.values()),
             *(Flag(NOT_MEASURED, of=f"acc_{axis}") for axis in not_measured),
             *dict.fromkeys(flags),
         ),
         detail=InertialDetail({axis: result.detail for axis, result in found.items()}),
     )
+
+
+def _once_each(flags: Iterable[Flag]) -> Iterable[Flag]:
+    """The first flag of each set-up: its ramp and its points at rest contradict the record alike."""
+    found: dict[tuple[object, ...], Flag] = {}
+    for flag in flags:
+        of_setup = (flag.values.get(name) for name in ("mount", "axis", "channel", "found", "level"))
+        found.setdefault((flag.code, *of_setup), flag)
+    return found.values()
 
 
 def _levels_left_out(data: RunData, unit: UnitUnderTest, wrong: Mapping[str, Flag]) -> Iterator[str]:

@@ -73,4 +73,6 @@ def _of_source(acquisition: Acquisition, unit: UnitUnderTest, seen_g: Array) -> 
 
 
 def _in_words(seen_g: Array) -> str:
-    return ", ".join(f"{axis} {value + 0.0:.3f} g" for axis, value in zip(AXES, seen_g.tolist(), strict=True))
+    return ", ".join(
+        f"{axis} {value:.2f} g" for axis, value in zip(AXES, (np.round(seen_g, 2) + 0.0).tolist(), strict=True)
+    )
