@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+REASONS = {
+    "decision_marginal": "the decision on this basis is marginal: it could change if the measurement is repeated",
+}
 READINGS = {
     "saturated": "as many pulses as the converter can give: its input is beyond its range",
     "stuck": "no pulse for much longer than the other rates imply",
@@ -95,6 +98,7 @@ VARIABLES = {
 SOURCES = ("read-outs", "accelerometer", "source")
 
 WORDS = {
+    "REASONS": REASONS,
     "READINGS": READINGS,
     "QUANTITIES": QUANTITIES,
     "PARTS": PARTS,

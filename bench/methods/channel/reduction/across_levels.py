@@ -24,6 +24,8 @@ from bench.metrology.results.curves import Constant, Equation, TemperatureModel
 from bench.metrology.results.finding import Finding
 from bench.metrology.results.flag import Flag
 
+MARGINAL = "decision_marginal"  # flag of a deviation
+
 
 @dataclass(frozen=True)
 class ChannelConclusions:
@@ -96,7 +98,6 @@ class ChannelConclusions:
     def _deviations(self, compared: Compared) -> Iterator[Finding]:
         ours, theirs, found = compared.level, compared.reference, compared.comparison
         at = {"run": ours.name, "reference": theirs.name, "decision": found.decision}
-        decided = {"deviation/raw": found.decided["raw"], "deviation/normalised": found.decided["normalised"]}
         raw, raw_reference = ours.run.slope_per_c, theirs.run.slope_per_c
         relative, relative_reference = ours.run.relative_slope_per_c, theirs.run.relative_slope_per_c
         for quantity, deviation, value, reference, per in (
@@ -111,9 +112,10 @@ class ChannelConclusions:
                 *_named(theirs, ours, abs(value / (per[1] * reference**2))),
                 self.of_levels.drift_line(value / reference * (ours.drifted_share - theirs.drifted_share)),
             ]
-            name, flags = "of the slope from that of the reference", ("marginal",) if compared.marginal else ()
+            decision, is_marginal = compared.decided("raw" if quantity == "deviation/raw" else "normalised")
+            name, flags = "of the slope from that of the reference", (MARGINAL,) if is_marginal else ()
             steps = (*ours.data.steps, *theirs.data.steps)
-            own = {**at, "own_decision": decided[quantity].decision}
+            own = {**at, "own_decision": decision}
             yield self.of_levels.finding(quantity, name, own, deviation.value, "1", lines, steps, flags)
 
     def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
