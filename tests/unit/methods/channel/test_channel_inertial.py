@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,12 @@ from bench.methods.channel.reduction.inputs_seen import wrong_inputs
 from bench.methods.channel.reduction.levels import input_level
 from bench.metrology.acquisition import Acquisition, Counts, Mount
 from bench.metrology.orientation import specific_force_g
+from bench.metrology.outputs import mean_output
+from bench.metrology.power_cycles import reduced
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
 from bench.reduce.acquisitions import mount_of
 from bench.reduce.certificates import bench_record
 from bench.report.flag_words import flag_in_words
@@ -151,6 +155,22 @@ def test_a_set_up_is_flagged_once_and_its_levels_make_the_unit_incomplete():
         "x/up_1g:accelerometer_drift", "converter:no_thermometer", "y/up_1g:accelerometer_drift",
         "z/up_1g:accelerometer_drift",
     ]  # fmt: skip
+
+
+def test_the_repeatability_of_gyros_is_in_no_result_of_the_accelerometers():
+    stated = replace(UNIT, power_cycles=PowerCycles(bias_g=1e-5, scale=1e-5, gyro_bias_dps=1e-4, gyro_scale=1e-5))
+    one, other = (replace(acquired((1.0, 0.0, 0.0), step=f"s{stretch}"), stretch=stretch) for stretch in (0, 1))
+    line, acc = [BudgetLine("counts", "B", 1e-3)], UNIT.accelerometers[0]
+
+    def mean(data, settings):
+        rate = sum(mean_output(each, acc).value for each in data.acquisitions) / 2
+        found = data.subject(acc).finding("rate", "mean", rate, "pulse/s", line, {}, ("s0", "s1"))
+        return [UnitResult("a", "IMU-7", (found,), (), (), ())]
+
+    (result,) = reduced(mean, RunData("channel", (stated,), (one, other), BENCH), {})
+    (found,) = result.findings
+    assert found.verdict is None
+    assert found.u == pytest.approx(math.hypot(1e-5 * PER_G, 1e-5 * PER_G) / math.sqrt(2), rel=1e-2)
 
 
 def test_channels_that_send_codes_are_units_of_one_telemetry_channel():
