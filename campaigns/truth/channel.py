@@ -85,7 +85,8 @@ def true_line(truth: dict, finding: dict) -> Line:
     between the middles of the first gate and the last: the lag of the thermometer is in both lines alike then. A
     chamber's limit cycle tilts a line by some 1e-4 of its slope, by another amount where it is cut off elsewhere.
     """
-    channel = finding["id"].partition(f"/{finding['quantity']}@")[0]
+    label, place = finding["id"].split("/")[:2]
+    channel = "/".join([label, place, *([finding["at"]["axis"]] if "axis" in finding["at"] else [])])
     levels = [truth["levels"][f"{channel}@{step}"] for step in finding["steps"]]
     temperature_c = np.concatenate([level["temperature_c"][WITHIN] for level in levels])
     rate_pps = np.concatenate([level.get("rate_pps", level.get("output"))[WITHIN] for level in levels])
