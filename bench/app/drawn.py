@@ -131,6 +131,8 @@ class _Draws:
                 sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
             },
             decodings={name: each for name, each in decodings.items() if each is not None},
+            converter_thermometer=self._thermometer(entry.converter_temperature or ""),
+            source=entry.source or "",
         )
 
     def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:

@@ -26,6 +26,10 @@ from drivers.schema.fields import (
 from drivers.schema.wording import telling
 
 UnitKind = Literal["channel", "inertial unit"]
+AccelerometerChannel = Literal["acc_x", "acc_y", "acc_z"]
+ACCELEROMETERS: tuple[AccelerometerChannel, ...] = ("acc_x", "acc_y", "acc_z")
+"""Accelerometer channels of an inertial unit."""
+
 UNIT_KINDS: Mapping[UnitKind, str] = {"channel": "units with one channel", "inertial unit": "inertial units"}
 """Names of the kinds in messages."""
 
@@ -235,6 +239,11 @@ class PlaceEntry(StrictModel):
         if self.telemetry is not None:
             return {"telemetry": self.telemetry}
         return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
+
+    @property
+    def accelerometers(self) -> Mapping[str, str]:
+        """Channels of the accelerometers of an inertial unit, by ACCELEROMETERS; empty for any other unit."""
+        return {} if self.channels is None else {name: getattr(self.channels, name) for name in ACCELEROMETERS}
 
     @property
     def dependencies(self) -> frozenset[str]:

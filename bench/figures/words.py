@@ -148,7 +148,7 @@ def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
         yield at["run"]
     if "reference" in at:
         yield tr("against {reference}", reference=at["reference"])
-        yield tr(at["decision"])
+        yield tr(at.get("own_decision", at["decision"]))
 
 
 def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterator[str]:

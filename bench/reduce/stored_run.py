@@ -20,6 +20,7 @@ from bench.reduce.gaps import MissedIn, missed_in_run
 from bench.reduce.journal import JournalRecords, journal_records
 from bench.sequence.load import load_sequence
 from bench.sequence.method import CountsAt, known_methods
+from bench.sequence.plan.result_settings import as_chosen
 from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import RunReader
@@ -45,7 +46,8 @@ class StoredRun:
         self.folder, self.manifest, self.reader = folder, manifest, reader
         self.record = record
         self.bench = load_kept_bench(folder / BENCH_COPY)
-        self.document, self.sequence = load_sequence(folder / SEQUENCE_COPY)
+        self.document, as_kept = load_sequence(folder / SEQUENCE_COPY)
+        self.sequence = as_chosen(as_kept, manifest.get("parameters", {}))
         self.serials = {unit["place"]: unit["uut"] for unit in manifest["units"]}
         self._data: dict[str, RunData] = {}
         self._evaluated: dict[str, Results] = {}  # by the state of the run

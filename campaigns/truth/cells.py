@@ -90,6 +90,7 @@ METHODS = {
         Method("repeatability", "repeatability", "simulated", "quartz_flexure", ACCELEROMETERS, repeatability.compared,
                ("repetitions=6", "steady_within=9 µg", "gate=30 s"), preset=None),
         Method("M0", "channel_full", "channel", "if_channel", ACCELEROMETERS, _channel),
+        Method("M0 inertial", "channel_imu", "channel_imu", "imu_channels", ACCELEROMETERS, _channel),
         Method("M1", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.2°")),  # where none saturates
         Method("M2", "imu_24_position", "imu", "imu", ACCELEROMETERS, imu.compared),
@@ -172,6 +173,7 @@ STATED = {
     ("warm", "M3a"): (r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C"),
     ("warm", "repeatability"): (r"(?<=bias_per_degree_u: )10", "50"),
     ("warm", "M0"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
+    ("warm", "M0 inertial"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
     ("nonlinear", "M3c"): (r"(?<=scale_u: )100 ppm", "450 ppm"),  # K2 and asymmetry, at the low rates
     ("misaligned", "M4b"): (r"(?<=misalignment_u: )1 mrad", "4 mrad"),
 }

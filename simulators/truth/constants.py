@@ -20,6 +20,7 @@ from simulators.physics.attitude import Mount, to_unit
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.units.accelerometer import Decoding, Through, UnitTruth
 from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.imu import SimulatedImu
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -186,8 +187,11 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
     return found | ({"extra": list(extra)} if extra else {})
 
 
-def gravity_in_unit(world: World, unit: SimulatedUnit, orientation: Orientation) -> Array:
-    """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench."""
+def gravity_in_unit(world: World, unit: SimulatedUnit | SimulatedImu, orientation: Orientation) -> Array:
+    """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench.
+
+    Of an inertial unit along x, y and z.
+    """
     angles_deg = [np.array([angle_deg]) for angle_deg in orientation.angles_deg]
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
     return np.asarray(to_unit(orientation.mount, unit.settings.mount_angle_deg) @ upward)

@@ -59,7 +59,7 @@ def test_hysteresis_makes_no_coefficient_uncertain(hysteretic):
     assert min(found[name] for name in ("K0T1", "K0T2", "K0/temperature_coefficient")) > 0.3
 
 
-FILES = {"imu": ImuFile, "rate_gyro": GyroFile}
+FILES = {"imu": ImuFile, "imu_channels": ImuFile, "rate_gyro": GyroFile}
 
 
 @pytest.mark.parametrize("unit", sorted({method.unit for method in METHODS.values()}))

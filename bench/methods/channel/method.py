@@ -77,6 +77,7 @@ CHANNEL_TEMPERATURE = MethodDescription(
     settings=ChannelSettings,
     quantities=UNITS,
     counts_at="levels",
+    measures=("channel", "inertial unit"),
     drawn_by="bench.methods.channel.shown:channel_plots",
     after=("IEEE Std 530", "IEEE Std 1554"),
     rules="bench.methods.channel.rules:RULES",

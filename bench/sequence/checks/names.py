@@ -19,7 +19,7 @@ _NAME = re.compile(r"[a-z]\w*", re.ASCII)
 
 def unused_parameter(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A parameter that no expression uses."""
-    phases = [plan.document.value.get(phase) for phase in PHASES]
+    phases = [plan.document.value.get(phase) for phase in (*PHASES, "results")]
     used = {name for expression in _expressions(phases) for name in _NAME.findall(expression)}
     for name in plan.sequence.parameters:
         if name not in used:

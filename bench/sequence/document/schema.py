@@ -10,7 +10,7 @@ from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.language.values import VALUE_SCHEMA
 from bench.sequence.method import known_methods
 from bench.sequence.steps.verbs import BLOCKS
-from drivers.schema.fields import UNIT_KEYWORD
+from drivers.schema.fields import EXPRESSION, UNIT_KEYWORD
 
 _WORDS = {"description", "default"}  # for parts whose value the schema does not describe
 _STEP = {"$ref": "#/$defs/AnyBlock"}
@@ -30,6 +30,7 @@ def sequence_schema() -> Schema:
         limits = {"limits": {"propertyNames": {"enum": list(method.quantities)}}}
         then = object_of({"settings": refs[method.settings], **limits}, settings)
         result["allOf"].append(when("method", name, then))
+        _allow_expressions(schema["$defs"][method.settings.__name__]["properties"])
     for model in BLOCKS.values():
         properties = schema["$defs"][model.__name__]["properties"]
         properties.update({key: VALUE_SCHEMA | found for key, found in properties.items() if not found.keys() - _WORDS})
@@ -40,6 +41,14 @@ def sequence_schema() -> Schema:
         "oneOf": [refs[model] for model in BLOCKS.values()],
     }
     return without_unused(schema)
+
+
+def _allow_expressions(properties: dict[str, Any]) -> None:
+    """Allow an expression for every setting with a list of permitted texts."""
+    for name, found in properties.items():
+        if "enum" in found:
+            choice = {key: found.pop(key) for key in ("enum", "type") if key in found}
+            properties[name] = {**found, "anyOf": [choice, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def _complete(node: Any) -> None:

@@ -24,6 +24,8 @@ from bench.metrology.results.curves import Constant, Equation, TemperatureModel
 from bench.metrology.results.finding import Finding
 from bench.metrology.results.flag import Flag
 
+MARGINAL = "decision_marginal"  # flag of a deviation
+
 
 @dataclass(frozen=True)
 class ChannelConclusions:
@@ -110,9 +112,11 @@ class ChannelConclusions:
                 *_named(theirs, ours, abs(value / (per[1] * reference**2))),
                 self.of_levels.drift_line(value / reference * (ours.drifted_share - theirs.drifted_share)),
             ]
-            name, flags = "of the slope from that of the reference", ("marginal",) if compared.marginal else ()
+            decision, is_marginal = compared.decided("raw" if quantity == "deviation/raw" else "normalised")
+            name, flags = "of the slope from that of the reference", (MARGINAL,) if is_marginal else ()
             steps = (*ours.data.steps, *theirs.data.steps)
-            yield self.of_levels.finding(quantity, name, at, deviation.value, "1", lines, steps, flags)
+            own = {**at, "own_decision": decision}
+            yield self.of_levels.finding(quantity, name, own, deviation.value, "1", lines, steps, flags)
 
     def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
         steps = tuple(step for level in self._usable for step in level.data.steps)

@@ -267,7 +267,7 @@ def test_a_drift_beyond_its_limit_makes_what_is_decided_marginal():
     result = reduced(made, drift_limit=5e-6)
     assert [each.marginal for each in result.detail.compared] == [True]
     assert "src_1g:input_drifted" in texts(result.flags)
-    assert "marginal" in found(result)["deviation/normalised@src_12g"].flags
+    assert "decision_marginal" in found(result)["deviation/normalised@src_12g"].flags
     assert not reduced(made, drift_limit=50e-6).detail.compared[0].drifted
 
 
