@@ -8,12 +8,13 @@ fully correlated in the coefficients of the channel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.channel.reduction.compared_levels import READ_OUT, Compared, Level
+from bench.methods.channel.reduction.acceleration import StatedAccelerometer, to_specific_force
+from bench.methods.channel.reduction.compared_levels import GRAVITY_REFERENCE, READ_OUT, Compared, Level
 from bench.methods.channel.reduction.decision import ChannelDrift
 from bench.methods.channel.reduction.findings import ChannelFindings
 from bench.methods.channel.words import OWN_SLOPE, SERVES_TOO, SLOPE_FROM
@@ -53,7 +54,7 @@ class ChannelConclusions:
             yield self._channel_model(self.drift)
 
     def compensations(self) -> Iterator[Compensation]:
-        """For each slope that serves levels: conversion of a rate to the reference temperature."""
+        """For each slope that serves levels: conversion of a rate to the reference temperature; then to g."""
         references = {each.level.name: each for each in self.compared}
         served: dict[str, list[Level]] = {}
         by_name = {level.name: level for level in self._usable}
@@ -62,6 +63,18 @@ class ChannelConclusions:
             served.setdefault(slope_from.name, []).append(level)
         for name, levels in served.items():
             yield self._compensation(by_name[name], levels)
+        # Without the line through all slopes the drift between two levels is unknown.
+        up, drift = by_name.get(GRAVITY_REFERENCE), self.drift
+        if up is not None and drift is not None and not drift.misfit and self.of_levels.unit.is_counted:
+            yield self._to_specific_force(up, by_name, drift)
+
+    def _to_specific_force(self, up: Level, levels: Mapping[str, Level], drift: ChannelDrift) -> Compensation:
+        of_levels = self.of_levels
+        beta, alpha = self._coefficients(drift)
+        return to_specific_force(
+            of_levels.unit.measured_by, levels, of_levels.rate(up), (beta, alpha), drift,
+            StatedAccelerometer.of(of_levels.settings), of_levels.reference_c,
+        )  # fmt: skip
 
     def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:
         of_levels, valid_c = self.of_levels, _ends(slope_from.run.gates.converter_c)

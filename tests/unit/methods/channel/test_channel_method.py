@@ -535,7 +535,8 @@ def at_reference(result, channel, level_g, board_c, **converter):
 
 
 def test_one_slope_serves_all_levels_that_share_it(usual):
-    (known,) = usual.compensations
+    known, to_g = usual.compensations
+    assert (to_g.channel, to_g.value_unit) == ("x", "g")
     assert (known.channel, known.serves) == ("x@up_1g", ("up_1g", "skew", "src_1g", "src_12g"))
     assert known.valid_c == pytest.approx((LOW_C, HIGH_C), abs=0.2)
     for level_g in (0.577, 1.0, 12.0):
@@ -556,7 +557,7 @@ def test_a_level_that_keeps_its_own_slope_has_an_entry_of_its_own():
 def test_on_the_raw_basis_the_slope_is_taken_off():
     same = {"alpha": 0.0, "beta": 0.3}
     result = reduced(four_levels(**same), compare_basis="raw")
-    (known,) = result.compensations
+    known, _ = result.compensations
     assert known.serves == ("up_1g", "skew", "src_1g", "src_12g")
     assert at_reference(result, "x@up_1g", 12.0, 40.0, **same) == pytest.approx(rate(12.0, 25.0, **same), abs=0.05)
 
