@@ -2,8 +2,8 @@
 
 The net pulses between two readings, over the time between them, are the mean output of that interval: no rate is
 sampled, and a fraction of a pulse that one interval lacks is in the next. So quantisation is in a velocity twice, at
-the first reading and at the last. Errors of the calibration are the same throughout a record: their effects on the specific
-force are integrated with their signs, and only then squared.
+the first reading and at the last. Errors of the calibration are the same throughout a record: their effects on the
+specific force are integrated with their signs, and only then squared.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ PER_ROOT_2 = 0.5**0.5  # a one-sided density N gives a mean over t a standard de
 
 @dataclass(frozen=True, slots=True)
 class CountRecord:
-    """Net pulses of each channel, cumulative, positive less negative, with their times and temperatures, (n,) each.
+    """Readings of counters and thermometer at increasing times, (n,) each.
 
-    Times increase, wraps are undone, and nothing is missing. Between two readings the temperature is their mean.
+    `net_pulses` (n - 1,) of each channel are those between two readings, positive less negative, NaN if unknown.
+    Between two readings the temperature is their mean.
     """
 
     time_s: Array
@@ -99,8 +100,7 @@ def specific_forces(
     seconds = np.diff(record.time_s)
     between_c = (record.temperature_c[1:] + record.temperature_c[:-1]) / 2
     axes = {
-        name: _Axis.of(known, np.diff(record.net_pulses[name]) / seconds, between_c, beyond)
-        for name, known in channels.items()
+        name: _Axis.of(known, record.net_pulses[name] / seconds, between_c, beyond) for name, known in channels.items()
     }
     forces = {name: axis.uncoupled_g for name, axis in axes.items()}
     for _ in range(ROUNDS):
