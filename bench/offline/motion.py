@@ -111,8 +111,8 @@ def _axes(calibration: CalibrationFile) -> dict[str, Compensation]:
     if not axes:
         has = ", ".join(f"{name} ({each.output_unit} to {each.value_unit})" for name, each in known.items())
         raise InputError(
-            f"the calibration of {calibration.uut} gives no specific force from counts; that of a channel (M0) does if it "
-            f"has levels of gravity and of a source, that of an inertial unit (M2) if it is counted. It has {has}"
+            f"the calibration of {calibration.uut} gives no specific force from counts. That of a channel (M0) does if "
+            f"it has levels of gravity and of a source, that of an inertial unit (M2) if it is counted. It has {has}"
         )
     lacking = {other for each in axes.values() if each.force for other in each.force.cross if other not in axes}
     if lacking:
@@ -143,7 +143,7 @@ def _expect_plausible(file: str, channel: str, force: SpecificForce) -> None:
     usual_g = float(np.nanmedian(np.abs(force.force_g))) if np.isfinite(force.force_g).any() else 0.0
     if usual_g > MOST_G:
         raise InputError(
-            f"{file}: channel {channel} would have {usual_g:.3g} g in half of the intervals; are the times of t_s in s, "
+            f"{file}: channel {channel} would have {usual_g:.3g} g in half of the intervals; are the times in s, "
             "and are these the counts of this channel?"
         )
 
@@ -192,6 +192,6 @@ def _beyond_inputs(axes: Mapping[str, Compensation], forces: Mapping[str, Specif
         (low_g, high_g), least_g, most_g = known.force.valid_g, float(np.nanmin(found_g)), float(np.nanmax(found_g))
         if least_g < low_g - STEADY_G or most_g > high_g + STEADY_G:
             yield (
-                f"channel {channel}: from {least_g:.3g} to {most_g:.3g} g; the calibration was made from {low_g:.3g} to "
-                f"{high_g:.3g} g, and the uncertainty has no part for the nonlinearity beyond"
+                f"channel {channel}: from {least_g:.3g} to {most_g:.3g} g; the calibration was made from {low_g:.3g} "
+                f"to {high_g:.3g} g, and the uncertainty has no part for the nonlinearity beyond"
             )
