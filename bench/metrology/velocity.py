@@ -181,8 +181,10 @@ class _Axis:
             yield from (each for each in (*curves, *quadratic) if each.any())
         for channel, cross in self.terms.cross.items():
             yield -(cross.u or 0.0) * forces[channel]
-        if self.terms.repeatability_g:
-            yield np.full_like(own_g, self.terms.repeatability_g)
+        if self.terms.bias_u_g:
+            yield np.full_like(own_g, self.terms.bias_u_g)
+        if self.terms.scale_u:
+            yield self.terms.scale_u * self.raw
 
     def _curve_errors(self) -> list[Array]:
         """Effect of one standard uncertainty of each coefficient of scale, offset and bias, (m,) each."""

@@ -104,12 +104,13 @@ class _Force(Tolerant):
     quadratic: _Constant
     cross: dict[str, _Constant] = Field(default_factory=dict)
     correlation: tuple[tuple[float, ...], ...] = ()
-    repeatability_g: float = Field(0.0, ge=0)
+    bias_u_g: float = Field(0.0, ge=0)
+    scale_u: float = Field(0.0, ge=0)
     valid_g: tuple[float, float]
 
     def terms(self) -> ForceTerms:
         cross = {name: each.curve() for name, each in self.cross.items()}
-        return ForceTerms(self.quadratic.curve(), self.valid_g, cross, self.correlation, self.repeatability_g)
+        return ForceTerms(self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u)
 
 
 class ChannelForm(Tolerant):

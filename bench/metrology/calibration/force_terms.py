@@ -23,15 +23,17 @@ class ForceTerms:
 
     `correlation` is that of the coefficients of scale, offset and bias in their order, and of the quadratic term.
     Without one the errors of scale, offset and bias are independent, each of them one error with the `u` of its curve
-    at all temperatures. `repeatability_g` is the standard uncertainty of the bias from one visit of a temperature to
-    another. `valid_g` are the specific forces of the calibration.
+    at all temperatures. `bias_u_g` and `scale_u` (relative) are the standard uncertainties that the curves have beside the `u` of
+    their coefficients: between knots, and from one visit of a temperature to another. `valid_g` are the specific forces
+    of the calibration.
     """
 
     quadratic: Constant
     valid_g: tuple[float, float]
     cross: Mapping[str, Constant] = field(default_factory=dict)
     correlation: tuple[tuple[float, ...], ...] = ()
-    repeatability_g: float = 0.0
+    bias_u_g: float = 0.0
+    scale_u: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Content of a calibration file."""
@@ -40,6 +42,7 @@ class ForceTerms:
             "quadratic": asdict(self.quadratic),
             "cross": {channel: asdict(each) for channel, each in self.cross.items()},
             "correlation": [list(row) for row in self.correlation],
-            "repeatability_g": self.repeatability_g,
+            "bias_u_g": self.bias_u_g,
+            "scale_u": self.scale_u,
             "valid_g": list(self.valid_g),
         }

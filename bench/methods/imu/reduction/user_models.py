@@ -86,8 +86,8 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
     """Quadratic term and cross-coupling of the accelerometer `axis`; None if a visit determined none of them.
 
     They are means over the visits, with the largest of the uncertainties there: errors of the table are the same at
-    all of them. The bias differs from one visit to another, by its hysteresis among others, as much as two visits of
-    the first set point did.
+    all of them. Bias and scale factor differ from one visit to another, by hysteresis among others, as much as two
+    visits of the first set point did; and between knots by a quarter of the error of a knot that is left out.
     """
     own = [each for each in findings if each.at.get("axis") == AXES[axis]]
     quadratic = _mean([each for each in own if each.quantity == "K2"], "g/g²")
@@ -95,8 +95,12 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
     cross = {f"acc_{name}": found for name, every in toward.items() if (found := _mean(every, "rad")) is not None}
     if quadratic is None or len(cross) < len(AXES) - 1:
         return None
-    repeated = [each.value for each in own if each.quantity == "K0/repeatability"]
-    return ForceTerms(quadratic, AT_REST_G, cross, repeatability_g=max(repeated, default=0.0))
+    found = {each.quantity: each.value for each in own}
+    bias_u_g, scale_u = (
+        math.hypot(found.get(f"{name}/repeatability", 0.0), found.get(f"{name}/interpolation", 0.0) / 4)
+        for name in ("K0", "K1")
+    )
+    return ForceTerms(quadratic, AT_REST_G, cross, bias_u_g=bias_u_g, scale_u=scale_u)
 
 
 def _mean(found: Sequence[Finding], unit: str) -> Constant | None:
