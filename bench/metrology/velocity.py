@@ -2,8 +2,10 @@
 
 The net pulses between two readings, over the time between them, are the mean output of that interval: no rate is
 sampled, and a fraction of a pulse that one interval lacks is in the next. So quantisation is in a velocity twice, at
-the first reading and at the last. Errors of the calibration are the same throughout a record: their effects on the
-specific force are integrated with their signs, and only then squared.
+the first reading and at the last. A converter with one charge integrator fires a pulse when its charge is a whole one
+away from the last: what it holds has the sign of its last pulse, half of one in the mean. Errors of the calibration are
+the same throughout a record: their effects on the specific force are integrated with their signs, and only then
+squared.
 """
 
 from __future__ import annotations
@@ -100,7 +102,8 @@ def specific_forces(
     seconds = np.diff(record.time_s)
     between_c = (record.temperature_c[1:] + record.temperature_c[:-1]) / 2
     axes = {
-        name: _Axis.of(known, record.net_pulses[name] / seconds, between_c, beyond) for name, known in channels.items()
+        name: _Axis.of(known, _charge(record.net_pulses[name]) / seconds, between_c, beyond)
+        for name, known in channels.items()
     }
     forces = {name: axis.uncoupled_g for name, axis in axes.items()}
     for _ in range(ROUNDS):
@@ -131,6 +134,20 @@ def integrate(force: SpecificForce, gravity: Gravity, noise_g: float = 0.0) -> V
         u_count_mps=gravity.mps2 * np.concatenate(([0.0], counted)),
         u_noise_mps=gravity.mps2 * PER_ROOT_2 * noise_g * np.sqrt(elapsed_s),
     )
+
+
+def _charge(net_pulses: Array) -> Array:
+    """Charge (m,) of intervals in pulses: that of the pulses, and half a pulse with the sign of the last at each end.
+
+    An interval without pulses has the sign of the one before it.
+    """
+    sign = np.sign(net_pulses)
+    fired = np.flatnonzero(np.abs(sign) == 1)
+    if not len(fired):
+        return net_pulses
+    last = np.searchsorted(fired, np.arange(len(sign)), side="right") - 1
+    at_end = sign[fired[np.maximum(last, 0)]]
+    return np.asarray(net_pulses + np.diff(at_end, prepend=at_end[0]) / 2)
 
 
 def _integral(values: Array, seconds: Array) -> Array:

@@ -3,9 +3,9 @@
     python -m campaigns.flights --seeds 40
     python -m campaigns.flights --method M2 --kind hysteresis --seeds 8
 
-Each seed is another unit on another bench. A run is replayed at the level of records (`campaigns/truth/replay.py`), its
-calibration file written, and a flight of the same unit (`flight.py`) converted through the files that `bench compensate`
-reads.
+Each seed is another unit on another bench. A run is replayed at the level of records (`campaigns/truth/replay.py`),
+its calibration file written, and a flight of the same unit (`flight.py`) converted through the files that `bench
+compensate` reads.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Arrival:
 
 
 def flight_of(seed: int, temperatures_c: tuple[float, float], warms_c: float, sideways: bool) -> Flight:
-    """A flight drawn by a seed: a rest upright, a push to some g along x, and smaller ones to both sides along y and z."""
+    """A flight drawn by a seed: a push to some g along x, and smaller ones to both sides along y and z."""
     draws = stream(seed, "flight", "profile")
 
     def push(least_g: float, most_g: float) -> Push:
@@ -178,7 +178,7 @@ def compared(
     seed: int, flight: Flight, sensors: Sequence[Sensor], found: Mapping[str, np.ndarray]
 ) -> Iterator[Arrival]:
     """Velocities along all axes beside their truth."""
-    assert not (found["gap"].any() or found["extrapolated"].any()), seed
+    assert not any(found[mark].any() for mark in ("gap", "extrapolated")), seed
     for profile, sensor in zip(flight.profiles, sensors, strict=False):
         true_mps = profile.velocity_mps(flight.time_s)
         for at_s in AT_S:
@@ -216,8 +216,8 @@ def table(arrivals: Sequence[Arrival]) -> Iterator[str]:
         u = float(np.mean([each.u_mps for each in found]))
         v = float(np.mean([abs(each.truth_mps) for each in found]))
         yield (
-            f"  {channel:<6} at {at_s:>5g} s  n {len(found):>3}  rms(error/u) {rms_of(found):.2f}  U covers {covered:.0%}"
-            f"  |v| {v:.4g} m/s  u {u:.3g} m/s"
+            f"  {channel:<6} at {at_s:>5g} s  n {len(found):>3}  rms(error/u) {rms_of(found):.2f}  "
+            f"U covers {covered:.0%}  |v| {v:.4g} m/s  u {u:.3g} m/s"
         )
 
 

@@ -1,14 +1,15 @@
 """Simulated flights: a calibrated unit counts a known change of velocity, and `bench compensate` gives it back.
 
-The profile of specific force is made of raised cosines, whose integrals are known without any arithmetic on counts. The
-simulated converters count the exact integral of their output over each interval, at the true temperature, with the
-noise of the unit, and from whatever was left in them; the reduction sees whole counts that wrap, and temperatures by the
-thermometer of the calibration. Nothing here is computed by a reduction.
+The profile of specific force is made of raised cosines, whose integrals are known without any arithmetic on counts.
+The simulated converters count the exact integral of their output over each interval, at the true temperature, with the
+noise of the unit, and from whatever was left in them; the reduction sees whole counts that wrap, and temperatures by
+the thermometer of the calibration. Nothing here is computed by a reduction.
 """
 
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,9 +88,9 @@ class Flight:
 class Sensor:
     """One accelerometer with its converter, in a world of a seed.
 
-    `before_c` are temperatures that it has had one after the other before the flight, for its hysteresis, and `drifted_g`
-    is its drift. `fixed_c` is the temperature of an accelerometer with a thermostat: the temperature of the flight is
-    that of its converter then.
+    `before_c` are temperatures that it has had one after the other before the flight, for its hysteresis, and
+    `drifted_g` is its drift. `fixed_c` is the temperature of an accelerometer with a thermostat: the temperature of the
+    flight is that of its converter then.
     """
 
     truth: UnitTruth
@@ -130,8 +131,10 @@ class Sensor:
         """Readings of its two counters, which wrap and begin anywhere."""
         draws = stream(self.seed, "flight", self.name, "counters")
         size = 1 << self.truth.counter_bits
-        converter = Integrator(float(draws.uniform(0, 1)), *(int(draws.integers(size)) for _ in range(2)))
-        positive, negative = converter.count(np.concatenate(([0.0], self.pulses(flight, axis))))
+        pulses = self.pulses(flight, axis)
+        left = math.copysign(float(draws.uniform(0, 1)), float(pulses[0]))  # by what it counted before
+        converter = Integrator(left, *(int(draws.integers(size)) for _ in range(2)))
+        positive, negative = converter.count(np.concatenate(([0.0], pulses)))
         return positive % size, negative % size
 
 

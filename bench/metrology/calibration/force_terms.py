@@ -23,7 +23,7 @@ class ForceTerms:
 
     `correlation` is that of the coefficients of scale, offset and bias in their order, and of the quadratic term.
     Without one the errors of scale, offset and bias are independent, each of them one error with the `u` of its curve
-    at all temperatures. `bias_u_g` and `scale_u` (relative) are the standard uncertainties that the curves have beside the `u` of
+    at all temperatures. `bias_u_g` and `scale_u` (relative) are standard uncertainties of the curves beside the `u` of
     their coefficients: between knots, and from one visit of a temperature to another. `valid_g` are the specific forces
     of the calibration.
     """

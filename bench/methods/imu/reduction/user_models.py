@@ -86,8 +86,9 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
     """Quadratic term and cross-coupling of the accelerometer `axis`; None if a visit determined none of them.
 
     They are means over the visits, with the largest of the uncertainties there: errors of the table are the same at
-    all of them. Bias and scale factor differ from one visit to another, by hysteresis among others, as much as two
-    visits of the first set point did; and between knots by a quarter of the error of a knot that is left out.
+    all of them. Bias and scale factor differ from one visit to another, by hysteresis among others, by at most as much
+    as two visits of the first set point did, and between knots by a quarter of the error of a knot that is left out:
+    rectangular distributions.
     """
     own = [each for each in findings if each.at.get("axis") == AXES[axis]]
     quadratic = _mean([each for each in own if each.quantity == "K2"], "g/g²")
@@ -97,7 +98,7 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
         return None
     found = {each.quantity: each.value for each in own}
     bias_u_g, scale_u = (
-        math.hypot(found.get(f"{name}/repeatability", 0.0), found.get(f"{name}/interpolation", 0.0) / 4)
+        math.hypot(found.get(f"{name}/repeatability", 0.0), found.get(f"{name}/interpolation", 0.0) / 4) / math.sqrt(3)
         for name in ("K0", "K1")
     )
     return ForceTerms(quadratic, AT_REST_G, cross, bias_u_g=bias_u_g, scale_u=scale_u)
