@@ -116,7 +116,7 @@ def _expect_increasing(path: Path, time_s: Array) -> None:
 def _temperature_c(path: Path, columns: dict[str, Array]) -> Array:
     """Temperature (n,) of each row, linear in time between those that have a possible one, and constant beyond."""
     read_c, time_s = columns[TEMPERATURE], columns[TIME]
-    usable = np.isfinite(time_s) & ~beyond_possible(read_c)
+    usable = np.isfinite(time_s) & np.isfinite(read_c) & ~beyond_possible(read_c)
     if not usable.any():
         lowest = np.nanmin(read_c) if np.isfinite(read_c).any() else np.nan
         why = "is blank" if np.isnan(lowest) else f"has {lowest:.6g} and more: is it in kelvin? Write °C"

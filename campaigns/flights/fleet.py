@@ -32,7 +32,6 @@ from campaigns.flights.flight import Flight, Profile, Push, Sensor, write_record
 from campaigns.truth.cells import Cell
 from campaigns.truth.player import Player, Template
 from campaigns.truth.replay import template_of
-from simulators.units.accelerometer import UnitTruth
 from simulators.units.unit_file import stream
 from simulators.units.unit_temperatures import ThermometerErrors
 from simulators.world import World
@@ -42,7 +41,7 @@ RMS = (0.75, 1.35)  # of error/u
 AT_S = (1.0, 30.0, 150.0, 600.0)  # times of a flight at which its velocity is compared
 PLACE, G_MPS2 = "a", 9.80665
 BIAS, QUADRATIC = 20e-6, 5e-6  # standard uncertainties in g and g/g² of the accelerometer of a channel, as stated
-STORED_C = (-20.0, 50.0)  # extreme temperature of a unit before its flight
+STORED_C = (-20.0, 50.0)  # cold or hot: ends of the calibration, from where loops of hysteresis are widest
 WARMS_C = {"M0": 6.0, "M2": 1.0}  # by which the thermometer of the calibration rises in a flight
 ROOM_C = 20.0  # at which a unit was stored before its flight
 
@@ -82,6 +81,38 @@ def flight_of(seed: int, temperatures_c: tuple[float, float], warms_c: float, si
 
 
 @dataclass(frozen=True)
+class Flown:
+    """A flight, with the files from which its velocity is found."""
+
+    seed: int
+    flight: Flight
+    sensors: Sequence[Sensor]
+    calibration: Path
+    record: Path
+
+    def arrivals(self) -> list[Arrival]:
+        """Velocities along all axes by the files, beside their truth."""
+        found = self._velocities()
+        assert not any(found[mark].any() for mark in ("gap", "extrapolated")), self.seed
+        arrivals = []
+        for profile, sensor in zip(self.flight.profiles, self.sensors, strict=False):
+            true_mps = profile.velocity_mps(self.flight.time_s)
+            for at_s in AT_S:
+                row = round(at_s / self.flight.every_s)
+                value, u = (float(found[f"{name}_mps"][row]) for name in (sensor.name, f"u_{sensor.name}"))
+                arrivals.append(Arrival(self.seed, sensor.name, at_s, value, float(true_mps[row]), u))
+        return arrivals
+
+    def _velocities(self) -> dict[str, np.ndarray]:
+        """Columns of `bench compensate --to velocity`, with the noise of the unit stated."""
+        unit = self.sensors[0].truth
+        noise = f"{unit.noise_density:.9g} g/Hz^0.5"
+        options = wanted("velocity", "g", "hold", unit.counter_bits, noise, ())
+        found = in_motion(read_calibration(self.calibration), self.record, options)
+        return {name: np.asarray(values) for name, _, values in found.columns}
+
+
+@dataclass(frozen=True)
 class Fleet:
     """Units of one kind, calibrated by one method: what the flights of their seeds need."""
 
@@ -95,17 +126,16 @@ class Fleet:
         request = Cell(method, kind).request(folder, seed=0)
         return cls(method, template_of(request), load_bench(Path(request.bench)).bench)
 
-    def fly(self, seed: int, folder: Path) -> list[Arrival]:
-        """Calibrate the unit of a seed, fly it, and compare."""
+    def fly(self, seed: int, folder: Path) -> Flown:
+        """Calibrate the unit of a seed, and fly it."""
         world, content = self.calibrated(seed)
         sensors, thermometer = self.sensors(world, seed)
-        valid_c = _valid_c(content, sensors)
-        flight = flight_of(seed, valid_c, WARMS_C[self.method], sideways=len(sensors) > 1)
+        flight = flight_of(seed, _valid_c(content, sensors), WARMS_C[self.method], sideways=len(sensors) > 1)
         folder.mkdir(parents=True, exist_ok=True)
-        calibration, record = folder / "calibration.json", folder / "flight.csv"
-        calibration.write_text(json.dumps(content), "utf-8")
-        write_record(record, flight, sensors, thermometer)
-        return list(compared(seed, flight, sensors, velocities(calibration, record, sensors[0].truth)))
+        flown = Flown(seed, flight, sensors, folder / "calibration.json", folder / "flight.csv")
+        flown.calibration.write_text(json.dumps(content), "utf-8")
+        write_record(flown.record, flight, sensors, thermometer)
+        return flown
 
     def calibrated(self, seed: int) -> tuple[World, dict[str, Any]]:
         """World of a seed after the calibration, and the content of the calibration file."""
@@ -135,7 +165,7 @@ class Fleet:
             sensor = Sensor(truth, place.channel, before_c=(ROOM_C,), drifted_g=drifted_g, fixed_c=held_c, **common)
             return [sensor], place.converter_thermometer
         imu = world.imus[PLACE]
-        stored_c = float(stream(seed, "flight", "stored").uniform(*STORED_C))
+        stored_c = float(stream(seed, "flight", "stored").choice(STORED_C))
         sensors = [
             Sensor(
                 truth, f"acc_{axis}", before_c=(ROOM_C, stored_c), drifted_g=truth.drift_g_per_s * middle_s, **common
@@ -163,28 +193,6 @@ def _valid_c(content: Mapping[str, Any], sensors: Sequence[Sensor]) -> tuple[flo
     names = {sensor.name for sensor in sensors}
     ends = [entry["valid_c"] for entry in content["channels"] if entry["channel"] in names]
     return max(low for low, _ in ends) + 1.0, min(high for _, high in ends) - 1.0
-
-
-def velocities(calibration: Path, record: Path, truth: UnitTruth) -> dict[str, np.ndarray]:
-    """Columns of `bench compensate --to velocity` for a flight."""
-    noise = f"{truth.noise_density:.9g} g/Hz^0.5"
-    found = in_motion(
-        read_calibration(calibration), record, wanted("velocity", "g", "hold", truth.counter_bits, noise, ())
-    )
-    return {name: np.asarray(values) for name, _, values in found.columns}
-
-
-def compared(
-    seed: int, flight: Flight, sensors: Sequence[Sensor], found: Mapping[str, np.ndarray]
-) -> Iterator[Arrival]:
-    """Velocities along all axes beside their truth."""
-    assert not any(found[mark].any() for mark in ("gap", "extrapolated")), seed
-    for profile, sensor in zip(flight.profiles, sensors, strict=False):
-        true_mps = profile.velocity_mps(flight.time_s)
-        for at_s in AT_S:
-            row = round(at_s / flight.every_s)
-            value, u = (float(found[f"{name}_mps"][row]) for name in (sensor.name, f"u_{sensor.name}"))
-            yield Arrival(seed, sensor.name, at_s, value, float(true_mps[row]), u)
 
 
 def rms_of(arrivals: Sequence[Arrival]) -> float:
@@ -222,7 +230,7 @@ def table(arrivals: Sequence[Arrival]) -> Iterator[str]:
 
 
 def _fly(fleet: Fleet, seed: int, folder: Path) -> list[Arrival]:
-    return fleet.fly(seed, folder / str(seed))
+    return fleet.fly(seed, folder / str(seed)).arrivals()
 
 
 def main() -> int:

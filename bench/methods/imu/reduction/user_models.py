@@ -96,9 +96,10 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
     cross = {f"acc_{name}": found for name, every in toward.items() if (found := _mean(every, "rad")) is not None}
     if quadratic is None or len(cross) < len(AXES) - 1:
         return None
-    found = {each.quantity: each.value for each in own}
+    values = {each.quantity: each.value for each in own}
     bias_u_g, scale_u = (
-        math.hypot(found.get(f"{name}/repeatability", 0.0), found.get(f"{name}/interpolation", 0.0) / 4) / math.sqrt(3)
+        math.hypot(values.get(f"{name}/repeatability", 0.0), values.get(f"{name}/interpolation", 0.0) / 4)
+        / math.sqrt(3)
         for name in ("K0", "K1")
     )
     return ForceTerms(quadratic, AT_REST_G, cross, bias_u_g=bias_u_g, scale_u=scale_u)
