@@ -118,6 +118,14 @@ def test_temperatures_may_be_rarer_than_counts_and_rows_incomplete(tmp_path):
     assert remarks == ["data.csv: 1 rows without a time or a count were left out"]
 
 
+def test_a_temperature_between_two_readings_is_on_the_line_between_them(tmp_path):
+    every = [f"{t}.0,{20 + t},{10030 * t}" for t in range(11)]
+    rare = [line if t in (0, 10) else line.replace(f",{20 + t},", ",,") for t, line in enumerate(every)]
+    for options in ({}, {"to": "acceleration"}):
+        full, thinned = (converted(tmp_path, "\n".join(["t_s,T_C,x", *lines]), **options)[0] for lines in (every, rare))
+        assert thinned == full
+
+
 def test_forces_beyond_those_of_the_calibration_are_told(tmp_path):
     _, remarks = converted(tmp_path, counts(pps=3.5 * K1))
     assert "channel x: from 3.5 to 3.5 g; the calibration was made from -1 to 1 g" in remarks[0]

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from bench.methods.channel.reduction.compared_levels import GRAVITY_REFERENCE, Level
-from bench.methods.channel.reduction.decision import ChannelDrift
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.least_squares import Array
@@ -46,14 +45,14 @@ def to_specific_force(
     levels: Mapping[str, Level],
     rate: Finding,
     coefficients: tuple[Finding, Finding],
-    drift: ChannelDrift,
+    correlation: float,
     stated: StatedAccelerometer,
     reference_c: float,
 ) -> Compensation:
     """Compensation of a counted channel to specific force.
 
     `levels` are the usable ones with that at 1 g among them, `rate` is its rate, and `coefficients` are β and α with
-    their uncertainties.
+    their uncertainties and the `correlation` of their errors.
     """
     up_g = levels[GRAVITY_REFERENCE].data.level.level_g
     beta, alpha = coefficients
@@ -64,7 +63,7 @@ def to_specific_force(
     jacobian = np.array([
         own, own * alpha.value + [0, 0, 0, k1, 0], np.zeros(5), [0, 0, 0, 0, 1], [0, 1, 1, 0, 0], [0, 0, 1, 0, 0],
     ])  # fmt: skip
-    covariance = jacobian @ _covariance(rate, beta, alpha, drift, stated) @ jacobian.T
+    covariance = jacobian @ _covariance(rate, beta, alpha, correlation, stated) @ jacobian.T
     u = np.sqrt(np.diag(covariance))
     ends = [(float(np.min(c)), float(np.max(c))) for c in (level.run.gates.converter_c for level in levels.values())]
     valid_c = max(low for low, _ in ends), min(high for _, high in ends)
@@ -84,13 +83,11 @@ def to_specific_force(
     )  # fmt: skip
 
 
-def _covariance(
-    rate: Finding, beta: Finding, alpha: Finding, drift: ChannelDrift, stated: StatedAccelerometer
-) -> Array:
-    """Covariance of rate, K0, K2, α and β; the correlation of the last two is that of the line through the slopes."""
+def _covariance(rate: Finding, beta: Finding, alpha: Finding, of_drift: float, stated: StatedAccelerometer) -> Array:
+    """Covariance of rate, K0, K2, α and β, with the correlation of the last two."""
     u = np.array([rate.u, stated.bias_u_g, stated.quadratic_u, alpha.u, beta.u])
     correlation = np.eye(5)
-    correlation[3, 4] = correlation[4, 3] = drift.correlation
+    correlation[3, 4] = correlation[4, 3] = of_drift
     return np.asarray(np.outer(u, u) * correlation)
 
 

@@ -72,8 +72,8 @@ class ChannelConclusions:
         of_levels = self.of_levels
         beta, alpha = self._coefficients(drift)
         return to_specific_force(
-            of_levels.unit.measured_by, levels, of_levels.rate(up), (beta, alpha), drift,
-            StatedAccelerometer.of(of_levels.settings), of_levels.reference_c,
+            of_levels.unit.measured_by, levels, of_levels.rate(up), (beta, alpha),
+            self._correlation(drift, beta, alpha), StatedAccelerometer.of(of_levels.settings), of_levels.reference_c,
         )  # fmt: skip
 
     def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:
@@ -90,6 +90,20 @@ class ChannelConclusions:
             f"{of_levels.unit.measured_by}@{slope_from.name}", unit, unit, scale, offset,
             serves=tuple(level.name for level in levels),
         )  # fmt: skip
+
+    def _correlation(self, drift: ChannelDrift, beta: Finding, alpha: Finding) -> float:
+        """Correlation of the errors of the coefficients: through the slopes, and by the thermometer."""
+        u = np.array([level.known_run.u_slope_per_c for level in self._usable])
+        of_slopes = float(np.sum(drift.gain[0] * drift.gain[1] * u**2))
+        by_gain = self.of_levels.thermometer_gain(beta.value).u * self.of_levels.thermometer_gain(alpha.value).u
+        by_drift = self._drifted(drift.gain[0]) * self._drifted(drift.gain[1])
+        both = beta.u * alpha.u
+        return float(np.clip((of_slopes + by_gain + by_drift) / both, -1, 1)) if both else 0.0
+
+    def _drifted(self, gain: Array) -> float:
+        """Effect of one standard uncertainty of the thermometer drift on a coefficient."""
+        drifted = [level.run.slope_per_c * level.drifted_share for level in self._usable]
+        return float(gain @ np.array(drifted))
 
     def _line(self, slope: Finding, unit: str, at_reference: float, valid_c: tuple[float, float]) -> TemperatureModel:
         """A straight line over temperature through a value at the reference, with the fitted slope."""
@@ -135,12 +149,9 @@ class ChannelConclusions:
             ("tempco_scale", f"part of the slope in proportion to the {self.of_levels.output}", drift.scale_per_c,
              "1/°C"),
         ), strict=True):  # fmt: skip
-            drifted = sum(
-                part * level.run.slope_per_c * level.drifted_share
-                for part, level in zip(gain.tolist(), self._usable, strict=True)
-            )
             lines = [
-                *self._through(gain), self.of_levels.thermometer_gain(value), self.of_levels.drift_line(drifted),
+                *self._through(gain), self.of_levels.thermometer_gain(value),
+                self.of_levels.drift_line(self._drifted(gain)),
             ]  # fmt: skip
             yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
 

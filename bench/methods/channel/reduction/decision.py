@@ -127,7 +127,7 @@ class ChannelDrift:
 
     `misfit` is true if the slopes deviate from the line by more than their uncertainties: the drift depends on the
     level in another way. The uncertainties are those of the slopes; NaN where a slope has none. `gain` (2, n) is the
-    sensitivity of offset and scale to each slope, `correlation` that of their errors.
+    sensitivity of offset and scale to each slope.
     """
 
     offset_per_c: float
@@ -136,7 +136,6 @@ class ChannelDrift:
     u_scale_per_c: float
     misfit: bool
     gain: Array = field(compare=False, repr=False)
-    correlation: float = 0.0
 
 
 def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
@@ -162,7 +161,6 @@ def channel_drift(runs: Sequence[ChannelRun]) -> ChannelDrift:
         u_scale_per_c=float(u_scale),
         misfit=bool(chance < MISFIT_PROBABILITY),
         gain=fit.gain * weight[:, 0],
-        correlation=0.0 if exact else float(fit.unscaled_covariance[0, 1] / (u_offset * u_scale)),
     )
 
 

@@ -681,9 +681,16 @@ def test_bias_and_nonlinearity_that_are_stated_are_taken_out():
         assert force_of(known, counted, 25.0) == pytest.approx(true_g, abs=1e-9)
 
 
-def test_the_errors_of_the_entry_are_those_of_what_it_was_made_from():
+EXACT = replace(BENCH, time_base_u=0.0, thermometers_u={"board": (0.0, 0.0)}, level_u_deg=0.0)
+
+
+@pytest.mark.parametrize(
+    ("bench", "known_to", "gain_u"), [(BENCH, 1.0, 1e-3), (EXACT, 1e-6, 0.0)], ids=["stated", "by the slopes"]
+)
+def test_the_errors_of_the_entry_are_those_of_what_it_was_made_from(bench, known_to, gain_u):
     """Drawn: rate, bias, nonlinearity and both coefficients; each time the equation is solved anew."""
-    result = reduced(four_levels(), **STATED)
+    stated = STATED | {name: STATED[name] * known_to for name in ("bias_u_g", "quadratic_u_g_per_g2")}
+    result = reduced(four_levels(), bench, **stated)
     known = next(each for each in result.compensations if each.value_unit == "g")
     results, rng = found(result), np.random.default_rng(7)
     up, alpha, beta = (results[name] for name in ("rate@up_1g", "tempco_scale", "tempco_offset"))
@@ -693,11 +700,14 @@ def test_the_errors_of_the_entry_are_those_of_what_it_was_made_from():
     weights = 1 / slopes_u**2
     of_line = np.linalg.inv(np.stack([np.ones(4), rates]) * weights @ np.stack([np.ones(4), rates], axis=1))
     correlated = of_line[0, 1] / np.sqrt(of_line[0, 0] * of_line[1, 1])
-    together = rng.multivariate_normal([0, 0], [[1, correlated], [correlated, 1]], 4000)
-    drawn = rng.standard_normal((4000, 3)) * [up.u, STATED["bias_u_g"], STATED["quadratic_u_g_per_g2"]]
+    # The gain of the thermometer changes both coefficients alike.
+    of_slopes_u = [np.sqrt(each.u**2 - (gain_u * each.value) ** 2) for each in (beta, alpha)]
+    together = rng.multivariate_normal([0, 0], [[1, correlated], [correlated, 1]], 4000) * of_slopes_u
+    together += gain_u * rng.standard_normal((4000, 1)) * [beta.value, alpha.value]
+    drawn = rng.standard_normal((4000, 3)) * [up.u, stated["bias_u_g"], stated["quadratic_u_g_per_g2"]]
     counted, away_c = 70_000.0, 12.0
     forces = []
-    for (d_rate, d_bias, d_quadratic), (d_beta, d_alpha) in zip(drawn, together * [beta.u, alpha.u], strict=True):
+    for (d_rate, d_bias, d_quadratic), (d_beta, d_alpha) in zip(drawn, together, strict=True):
         bias, quadratic = STATED["bias_g"] + d_bias, STATED["quadratic_g_per_g2"] + d_quadratic
         k1 = (up.value + d_rate) / (1 + bias + quadratic)
         referred = (counted - (beta.value + d_beta) * away_c) / (1 + (alpha.value + d_alpha) * away_c) / k1 - bias
