@@ -193,5 +193,5 @@ def _beyond_inputs(axes: Mapping[str, Compensation], forces: Mapping[str, Specif
         if least_g < low_g - STEADY_G or most_g > high_g + STEADY_G:
             yield (
                 f"channel {channel}: from {least_g:.3g} to {most_g:.3g} g; the calibration was made from {low_g:.3g} "
-                f"to {high_g:.3g} g, and the uncertainty has no part for the nonlinearity beyond"
+                f"to {high_g:.3g} g. Beyond, only a quadratic term is known"
             )
