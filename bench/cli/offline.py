@@ -147,7 +147,7 @@ COMMANDS = (
         ),
         option("--unit g|m/s2", "Unit of --to acceleration.", choices=("g", "m/s2"), default="g"),
         option(
-            "--counter-bits N", "Bits of counters of one sign that wrap; default: none wraps.", read=whole_number(8, 52)
+            "--counter-bits N", "Bits of counters of one sign that wrap; default: none wraps.", read=whole_number(1, 52)
         ),
         option("--noise DENSITY", 'White noise of the sensor, such as "2 µg/Hz^0.5"; default: none.'),
         options(
