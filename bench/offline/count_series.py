@@ -166,7 +166,7 @@ def _glitches(pulses: Array, seconds: Array) -> Mask:
         return np.zeros(len(rate), dtype=np.bool_)
     before, own, after = rate[:-2], rate[1:-1], rate[2:]
     median = np.maximum(np.minimum(before, after), np.minimum(np.maximum(before, after), own))
-    away = np.abs(own - median)
-    sd = SD_OF_MAD * float(np.nanmedian(np.abs(own - (before + after) / 2)))
+    away, bent = np.abs(own - median), np.abs(own - (before + after) / 2)
+    sd = SD_OF_MAD * float(np.median(bent[np.isfinite(bent)])) if np.isfinite(bent).any() else 0.0
     found = away > np.maximum(GLITCH_SD * sd, GLITCH_PULSES / seconds[1:-1])
     return np.concatenate(([False], found, [False]))

@@ -91,6 +91,15 @@ def test_a_counter_that_may_have_wrapped_unnoticed_gives_no_velocity_from_there_
     assert [row["x_g"] == "" for row in forces] == [True, *6 * [False], True, *8 * [False]]
 
 
+def test_a_record_of_which_no_interval_is_known_is_blank(tmp_path):
+    fast = counts(rows=5, every_s=10.0, names=("x_pos", "x_neg"), pps=4e3, size=2**16)  # 40 000 in each interval
+    rows, remarks = converted(tmp_path, fast, bits=16)
+    assert [row["x_mps"] for row in rows] == ["0", "", "", "", ""]
+    assert remarks == [
+        "data.csv: 4 rows from t_s = 10 on: a counter may have wrapped unnoticed; a velocity is blank from there on"
+    ]
+
+
 def test_gaps_glitches_and_temperatures_out_of_range_are_marked(tmp_path):
     lines = counts(rows=31).splitlines()
     lines[21:] = [f"{t},{c},{int(n) + 500}" for t, c, n in (line.split(",") for line in lines[21:])]  # extra pulses
