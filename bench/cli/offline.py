@@ -36,24 +36,36 @@ def compensate(
     counter_bits: int | None,
     noise: str | None,
     at_start: tuple[str, ...],
+    step: str | None,
+    runs: Path,
 ) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature.
 
-    With --to it converts the counts of a unit in motion to specific force or velocity, with the standard uncertainty of
-    each value.
+    With --to it converts the counts of a unit in motion, in a file or in an acquisition of a run, to specific force or
+    velocity, with the standard uncertainty of each value.
     """
     from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
     remark(*(f"{calibration.name}: {warning}" for warning in known.warnings))
     if to == "value":
-        _only_in_motion(unit != "g", counter_bits is not None, noise is not None, bool(at_start))
+        _only_in_motion(unit != "g", counter_bits is not None, noise is not None, bool(at_start), step is not None)
         text = compensated(known, data, "hold" if beyond == "hold" else "reject")
         _write(out, lambda file: file.write(text))
         return
-    from bench.offline.motion import in_motion, wanted
+    from bench.offline.motion import axes_of, converted, in_motion, wanted
 
-    found = in_motion(known, data, wanted(to, unit, beyond, counter_bits, noise, at_start))
+    options = wanted(to, unit, beyond, counter_bits, noise, at_start)
+    if step is None and data.suffix == ".csv":
+        found = in_motion(known, data, options)
+    else:
+        from bench.reduce.counted import counted_in_run
+        from bench.reduce.stored_run import open_run
+        from bench.store.runs import find_run
+
+        with open_run(find_run(str(data), runs)) as stored:
+            series = counted_in_run(stored, known.uut, list(axes_of(known)), step)
+        found = converted(known, f"{data.name} {step}", series, options)
     remark(*found.remarks)
     _write(out, found.write)
 
@@ -73,7 +85,7 @@ def _only_in_motion(*given: bool) -> None:
     """Raise InputError if an option is given that needs --to."""
     from bench.errors import InputError
 
-    names = ("--unit", "--counter-bits", "--noise", "--at-start")
+    names = ("--unit", "--counter-bits", "--noise", "--at-start", "--step")
     if wrong := [name for name, is_given in zip(names, given, strict=True) if is_given]:
         raise InputError(f"{wrong[0]}: is for counts, with --to acceleration or --to velocity")
 
@@ -132,7 +144,9 @@ COMMANDS = (
     Command("compensate", compensate, (
         argument("CAL.json", "The calibration file of a unit.", to="calibration", read=Path),
         argument(
-            "DATA.csv", "CSV with columns T_C and output, and channel if there are several.", to="data", read=Path
+            "DATA.csv|RUN",
+            "CSV with columns T_C and output, and channel if there are several; or, with --to and --step, a run.",
+            to="data", read=Path,
         ),
         option("--out FILE", "Output file; default: standard output.", read=Path),
         option(
@@ -155,5 +169,7 @@ COMMANDS = (
             "Specific force in the first second, at rest, such as x=1: another one is refused; repeatable.",
             to="at_start",
         ),
+        option("--step STEP", "With a run: the acquisition whose counts are converted."),
+        RUNS,
     )),
 )  # fmt: skip

@@ -64,15 +64,23 @@ def read_counts(path: Path, channels: Sequence[str], counter_bits: int | None, *
         columns, temperature_c = {name: each[complete] for name, each in columns.items()}, temperature_c[complete]
     time_s = columns[TIME]
     _expect_increasing(path, time_s)
-    seconds = np.diff(time_s)
-    gap = seconds > GAP * float(np.median(seconds))
     pulses = {
-        channel: _net_pulses(path, {name: columns[name] for name in own}, time_s, gap, counter_bits)
+        channel: _net_pulses(path, {name: columns[name] for name in own}, time_s, counter_bits)
         for channel, own in of_channels.items()
     }
-    glitch = np.any([_glitches(each, seconds) for each in pulses.values()], axis=0)
-    record = CountRecord(time_s, temperature_c, pulses)
-    return CountSeries(record, _at_end(gap), _at_end(glitch), int(np.count_nonzero(~complete)))
+    return marked(CountRecord(time_s, temperature_c, pulses), int(np.count_nonzero(~complete)))
+
+
+def marked(record: CountRecord, left_out: int = 0) -> CountSeries:
+    """A record with its gaps and glitches; `left_out` rows of it were incomplete."""
+    seconds = np.diff(record.time_s)
+    glitch = np.any([_glitches(each, seconds) for each in record.net_pulses.values()], axis=0)
+    return CountSeries(record, _at_end(_gaps(seconds)), _at_end(glitch), left_out)
+
+
+def _gaps(seconds: Array) -> Mask:
+    """Mask of intervals that are much longer than usual."""
+    return np.asarray(seconds > GAP * float(np.median(seconds)))
 
 
 def _at_end(of_interval: Mask) -> Mask:
@@ -126,7 +134,7 @@ def _temperature_c(path: Path, columns: dict[str, Array]) -> Array:
     return np.interp(time_s, time_s[usable], read_c[usable])
 
 
-def _net_pulses(path: Path, columns: dict[str, Array], time_s: Array, gap: Mask, counter_bits: int | None) -> Array:
+def _net_pulses(path: Path, columns: dict[str, Array], time_s: Array, counter_bits: int | None) -> Array:
     """Net pulses (n - 1,) between two rows, NaN where a counter may have wrapped unnoticed."""
     found = []
     for name, counts in columns.items():
@@ -137,11 +145,11 @@ def _net_pulses(path: Path, columns: dict[str, Array], time_s: Array, gap: Mask,
                 "whole and cumulative. Rates are converted without --to, and give no velocity"
             )
         steps = np.diff(counts)
-        found.append(steps if len(columns) == 1 else _steps(path, name, steps, time_s, gap, counter_bits))
+        found.append(steps if len(columns) == 1 else _steps(path, name, steps, time_s, counter_bits))
     return found[0] - found[1] if len(found) > 1 else found[0]
 
 
-def _steps(path: Path, name: str, steps: Array, time_s: Array, gap: Mask, counter_bits: int | None) -> Array:
+def _steps(path: Path, name: str, steps: Array, time_s: Array, counter_bits: int | None) -> Array:
     """Steps (n - 1,) of a counter that does not fall, with its wraps undone."""
     if counter_bits is None:
         falls = np.flatnonzero(steps < 0)
@@ -154,6 +162,7 @@ def _steps(path: Path, name: str, steps: Array, time_s: Array, gap: Mask, counte
     half = 2.0 ** (counter_bits - 1)
     steps = steps % (2 * half)
     seconds = np.diff(time_s)
+    gap = _gaps(seconds)
     usual = ~gap & (steps < half)
     fastest_pps = float(np.max(steps[usual] / seconds[usual], initial=0.0))
     return np.where((steps >= half) | (gap & (fastest_pps * seconds >= half)), np.nan, steps)

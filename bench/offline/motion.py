@@ -78,18 +78,25 @@ class Motion:
 
 
 def in_motion(calibration: CalibrationFile, data: Path, wanted: Wanted) -> Motion:
-    """Convert a record of counts by a calibration. Raises InputError, also where a check of the record fails."""
-    axes = _axes(calibration)
+    """Convert a CSV file of counts by a calibration. Raises InputError, also where a check of the record fails."""
+    axes = axes_of(calibration)
     is_warm = any(known.valid_c is not None for known in axes.values())
-    series = read_counts(data, list(axes), wanted.counter_bits, is_warm=is_warm)
+    return converted(
+        calibration, data.name, read_counts(data, list(axes), wanted.counter_bits, is_warm=is_warm), wanted
+    )
+
+
+def converted(calibration: CalibrationFile, name: str, series: CountSeries, wanted: Wanted) -> Motion:
+    """Convert a record of counts, called `name` in messages, as `in_motion` does."""
+    axes = axes_of(calibration)
     forces = specific_forces(series.record, axes, wanted.beyond)
     for channel, force in forces.items():
-        _expect_plausible(data.name, channel, force)
+        _expect_plausible(name, channel, force)
     for channel, value_g in (wanted.at_start_g or {}).items():
-        _expect_at_start(data.name, channel, forces, value_g)
+        _expect_at_start(name, channel, forces, value_g)
     gravity = Gravity(calibration.gravity_mps2, calibration.u_gravity_mps2)
     if not gravity.mps2 > 0 and (wanted.to == "velocity" or wanted.unit != "g"):
-        raise InputError(f"{data.name}: the calibration states no gravity, so that m/s² cannot be had from its g")
+        raise InputError(f"{name}: the calibration states no gravity, so that m/s² cannot be had from its g")
     outside = np.any([force.outside for force in forces.values()], axis=0)
     columns: list[Column] = [("t_s", "%.12g", series.record.time_s)]
     for channel, force in forces.items():
@@ -97,10 +104,10 @@ def in_motion(calibration: CalibrationFile, data: Path, wanted: Wanted) -> Motio
     marks = {"extrapolated": np.concatenate(([False], outside)), "gap": series.gap, "glitch": series.glitch}
     columns += [(name, "%d", mask) for name, mask in marks.items()]
     remarks = [*_remarks(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
-    return Motion(columns, [f"{data.name}: {remark}" for remark in remarks])
+    return Motion(columns, [f"{name}: {remark}" for remark in remarks])
 
 
-def _axes(calibration: CalibrationFile) -> dict[str, Compensation]:
+def axes_of(calibration: CalibrationFile) -> dict[str, Compensation]:
     """Counted channels with force terms. Raises InputError without one."""
     known = calibration.over_temperature()
     axes = {

@@ -102,8 +102,11 @@ class ChannelConclusions:
 
     def _drifted(self, gain: Array) -> float:
         """Effect of one standard uncertainty of the thermometer drift on a coefficient."""
-        drifted = [level.run.slope_per_c * level.drifted_share for level in self._usable]
-        return float(gain @ np.array(drifted))
+        drifted: list[float] = [
+            part * level.run.slope_per_c * level.drifted_share
+            for part, level in zip(gain.tolist(), self._usable, strict=True)
+        ]
+        return sum(drifted)
 
     def _line(self, slope: Finding, unit: str, at_reference: float, valid_c: tuple[float, float]) -> TemperatureModel:
         """A straight line over temperature through a value at the reference, with the fitted slope."""
