@@ -21,7 +21,9 @@ def flown(request, tmp_path_factory):
     """Flights of a fleet, with their files."""
     folder = tmp_path_factory.mktemp("fleet")
     fleet = Fleet.of(*request.param, folder)
-    return request.param, [fleet.fly(seed, folder / str(seed)) for seed in SEEDS]
+    flights = [fleet.fly(seed, folder / str(seed)) for seed in SEEDS]
+    assert all(flights)
+    return request.param, flights
 
 
 def rms_of_all(flights):
