@@ -10,7 +10,7 @@ from bench.methods.tumble.reduction.solution import further_terms
 from simulators.truth.constants import separable_terms
 
 TRUTH = Path(__file__).parents[3] / "campaigns" / "truth"
-MODULES = sorted(TRUTH.glob("*.py"))
+MODULES = sorted([*TRUTH.glob("*.py"), *(TRUTH.parent / "flights").glob("*.py")])
 RECORDS = {"bench.metrology.acquisition", "bench.metrology.run_data"}
 NO_TRUTH = {"planted.py", "planted_channel.py", "signs.py"}  # they alter reductions, or compare them with each other
 REPLAY = {"player.py": {"bench.metrology.outputs"}}  # makes the record that is reduced, windows in place of counts
