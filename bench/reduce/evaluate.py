@@ -158,6 +158,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "interval": None if finding.interval is None else dataclasses.asdict(finding.interval),
         "limits": sides or None,
         "guard": limits.guard_k,
+        "u_max": limits.u_allowed(finding.value),
         "verdict": finding.verdict,
         "marginal": finding.marginal,
         "flags": list(finding.flags),

@@ -246,13 +246,17 @@ def _methods(run: StoredRun) -> Iterator[str]:
 
 def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator[str]:
     """Decision rule for each kind of limit of results and single measurements."""
-    of_results = [limit.guard for entry in run.sequence.results for limit in entry.limits.values()]
-    of_measurements = [found.limits.get("guard") for found in measured if found.limits is not None]
-    for guard_k in (*of_results, *of_measurements):
+    of_results = [limit for entry in run.sequence.results for limit in entry.limits.values()]
+    of_measurements = [found.limits for found in measured if found.limits is not None]
+    guards = [limit.guard for limit in of_results if limit.sides != (None, None)]
+    guards += [found.get("guard") for found in of_measurements if (found.get("min"), found.get("max")) != (None, None)]
+    for guard_k in guards:
         if guard_k is None:
             yield tr("simple acceptance: a value inside its limits passes")
         else:
             yield tr("guarded acceptance: a value passes that is inside its limits by {k} u", k=f"{guard_k:g}")
+    if any(limit.u_max is not None for limit in of_results) or any(found.get("u_max") for found in of_measurements):
+        yield tr("where a limit has u_max: a value passes only if its standard uncertainty is at most that")
 
 
 def _ambient(run: StoredRun) -> str:

@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 from bench.clock import wall_utc
 from bench.figures.languages import tr
 from bench.figures.numbers import decimals, scale_shown, with_expanded
-from bench.figures.words import quantity_in_words, where
+from bench.figures.words import REASONS, quantity_in_words, where
 from bench.station.runs.findings import FindingView
 from bench.web.shown import clock_time
 
@@ -66,16 +66,21 @@ class ShownFinding:
     @property
     def limits(self) -> str:
         """Limits in words."""
-        low, high = (None if each is None else f"{each * self.factor:.6g}" for each in self._sides)
+        found = self.finding
+        low, high = (None if each is None else f"{each * self.factor:.6g}" for each in (found.low, found.high))
         if low is not None and high is not None:
-            return tr("{low} to {high}", low=low, high=high)
-        if low is not None:
-            return tr("at least {low}", low=low)
-        return tr("at most {high}", high=high) if high is not None else ""
+            sides = tr("{low} to {high}", low=low, high=high)
+        elif low is not None:
+            sides = tr("at least {low}", low=low)
+        else:
+            sides = tr("at most {high}", high=high) if high is not None else ""
+        allowed_u = "" if found.u_max is None else tr("u at most {u_max}", u_max=f"{found.u_max * self.factor:.3g}")
+        return tr(", ").join(filter(None, (sides, allowed_u)))
 
     @property
-    def _sides(self) -> tuple[float | None, float | None]:
-        return self.finding.low, self.finding.high
+    def why(self) -> str:
+        """Why it is invalid: its flags in words."""
+        return tr("; ").join(tr(REASONS[flag]) if flag in REASONS else flag for flag in self.finding.flags)
 
     @property
     def quantity(self) -> str:

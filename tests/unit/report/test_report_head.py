@@ -136,11 +136,12 @@ def test_every_rule_that_a_limit_is_judged_by_is_told(folder):
     sequence = folder / "sequence.yaml"
     text = sequence.read_text("utf-8")
     assert "max: 5 mg}" in text
-    sequence.write_text(text.replace("max: 5 mg}", "max: 5 mg, guard: 2}"), "utf-8")
+    sequence.write_text(text.replace("max: 5 mg}", "max: 5 mg, guard: 2, u_max: 1 mg}"), "utf-8")
     written(folder)
     assert head_of(folder)["Decision rule"].split("; ") == [
         "guarded acceptance: a value passes that is inside its limits by 2 u",
         "simple acceptance: a value inside its limits passes",
+        "where a limit has u_max: a value passes only if its standard uncertainty is at most that",
     ]
 
 
