@@ -25,6 +25,10 @@ UNITS = {
         "in one orientation: only the equation of the other orientation is determined, for tests in that "
         "orientation."
     ),
+    "sides:incomplete": (
+        "The unit was not measured, or not with enough usable readings, both with its +Y up and with its +Y down: its "
+        "cross coupling with Y and its misalignment towards Y are not determined."
+    ),
     "invalid": "The readings of one orientation do not give a calibration.",
     "ill_conditioned": "The angles hardly separate the terms of the model.",
     "marginal": "The calibration is marginal: the temperature changed, or both ends differ by more than allowed.",
@@ -63,6 +67,8 @@ FORMS = (*ORBIT, *ON_THE_GROUND.values(), *ENDS)
 WHERE = {
     "end up": "+Z up",
     "end down": "+Z down",
+    "side up": "+Y up",
+    "side down": "+Y down",
     "model": "model of all readings",
     "clock": "clock",
 }
@@ -70,6 +76,7 @@ VARIABLES = {
     "input_g": "input / g",
 }
 SOURCES = ("platform",)
+NAMES = {"misalignment_y": "misalignment towards Y"}
 
 WORDS = {
     "REASONS": REASONS,
@@ -79,4 +86,5 @@ WORDS = {
     "WHERE": WHERE,
     "VARIABLES": VARIABLES,
     "SOURCES": SOURCES,
+    "NAMES": NAMES,
 }

@@ -1,8 +1,8 @@
 """Readings of a calibration on an indexing table from the acquisitions of a run (equations 3.2).
 
-The end on which a unit stands, its angle and its clocking follow from the geometry of the bench. Readings in a group
-`clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps; the
-loop `reverse` around a reading marks the reverse pass, the loop `pass` the number of preceding measurements of both
+The end or side on which a unit stands, its angle and its clocking follow from the geometry of the bench. Readings in a
+group `clocking` are those of the clocking, those in a group `verification` are not fitted, all others are the sweeps;
+the loop `reverse` around a reading marks the reverse pass, the loop `pass` the number of preceding measurements of both
 ends. The side of approach is from the record of the moves, not from a name.
 """
 
@@ -28,6 +28,7 @@ OTHER_SIDE = {"below": "above", "above": "below", "": ""}
 TURN_DEG = 1e-3  # finite difference of the head angle, for derivatives
 
 Kind = Literal["sweep", "clocking", "verification"]
+Face = Literal["Y", "Z"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,8 @@ class IndexingReading:
     """One reading: its output in the unit of the channel, NaN if unusable.
 
     `angle_rad` is the angle of the input axis above the horizontal, by the angles of the table alone, `head_rad` that
-    of the head; `turn` is the change of sin(angle) for 1 rad of the head. `end` is up or down. `number` counts all
+    of the head; `turn` is the change of sin(angle) for 1 rad of the head. `face` is the axis of the unit that is
+    vertical at 0°, Z on its ends and Y on its sides, and `end` where it points: up or down. `number` counts all
     readings of the run, `stand` the preceding moves. `came_from` is the side of approach of the head, `side` that of
     the input, "below" or "above", empty if unknown. `single_u` is the single-reading uncertainty, `quantisation_u` the
     quantisation uncertainty of codes. `run_share` is its position in the run, from -½ to ½.
@@ -45,6 +47,7 @@ class IndexingReading:
     step: str
     kind: Kind
     attempt: int
+    face: Face
     end: str
     direction: str
     angle_rad: float
@@ -73,13 +76,15 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
         axes, turned = (unit_axes(each, unit, flat)[:, 2] for each in (acquisition, _turned(acquisition, flat)))
         temperature_c = acquisition.temperatures_c[unit.temperature]
         turn = float((turned[0] - axes[0]) / np.radians(TURN_DEG))
+        face: Face = "Z" if abs(axes[2]) >= abs(axes[1]) else "Y"
         came_from = acquisition.came_from.get(next(iter(data.bench.axes), ""), "")
         reading = IndexingReading(
             number=number,
             step=acquisition.step,
             kind=kind_of(acquisition.step),
             attempt=int(acquisition.loops.get(PASS, 1)),
-            end="up" if axes[2] > 0 else "down",
+            face=face,
+            end="up" if axes[2 if face == "Z" else 1] > 0 else "down",
             direction="rev" if REVERSE in acquisition.loops else "fwd",
             angle_rad=float(np.arcsin(np.clip(axes[0], -1, 1))),
             head_rad=float(np.radians(acquisition.angle_deg)),
