@@ -25,7 +25,12 @@ ENDINGS = {
     ),
     "running": "It was still going on when this report was written.",
 }
-QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
+QUANTITIES = {
+    "K1": "K1 per local g",
+    "K1_si": "K1 per m/s²",
+    "K2": "K2 + asymmetry",
+    "misalignment_y": "misalignment towards Y",
+}
 _NAMES = MethodWords("NAMES", {})  # parts of a quantity
 REASONS = MethodWords(
     "REASONS",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +19,7 @@ from bench.metrology.bench_uncertainty import BenchRecord, Vector
 from bench.metrology.run_data import UnitUnderTest
 
 SOUTH = np.array([0.0, -1.0, 0.0])
+ELSEWHERE_DEG = 37.0  # from no position of a tumble to another
 IN_PLANE = 1e-6  # g along the output axis; a unit rotated in the plane of its input axis has none
 
 
@@ -55,12 +57,27 @@ def specific_force_g(acquisition: Acquisition, unit: UnitUnderTest, bench: Bench
 def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> float:
     """Angle of the input axis above the horizontal, the pendulous axis being at a right angle to it, up to ±π.
 
-    The output axis is level; ValueError when it is not.
+    The output axis is level, or of a clocked unit the pendulous axis, with the output axis in its place; ValueError
+    when neither is.
     """
     along, across, pendulous = specific_force_g(acquisition, unit, bench).tolist()
-    if abs(across) > IN_PLANE:
-        raise ValueError(f"the output axis is not level: {across:.3g} g along it")
-    return math.atan2(along, pendulous)
+    if abs(across) <= IN_PLANE:
+        return math.atan2(along, pendulous)
+    if abs(pendulous) <= IN_PLANE:
+        return math.atan2(along, across)
+    raise ValueError(f"the output axis is not level: {across:.3g} g along it; nor is the pendulous axis")
+
+
+def is_clocked(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> bool:
+    """True for a unit rotated by 90° about its input axis: its pendulous axis, not the output axis, stays level.
+
+    With the input axis vertical both are level at any rotation; the table is thought to be turned on.
+    """
+    here = specific_force_g(acquisition, unit, bench)
+    role = next(iter(bench.axes), "")
+    turned = replace(acquisition, angles_deg={**acquisition.angles_deg, role: acquisition.angle_deg + ELSEWHERE_DEG})
+    there = specific_force_g(turned, unit, bench)
+    return bool(max(abs(here[2]), abs(there[2])) <= IN_PLANE < max(abs(here[1]), abs(there[1])))
 
 
 @lru_cache(maxsize=64)  # few mounts occur

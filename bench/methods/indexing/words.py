@@ -76,7 +76,6 @@ VARIABLES = {
     "input_g": "input / g",
 }
 SOURCES = ("platform",)
-NAMES = {"misalignment_y": "misalignment towards Y"}
 
 WORDS = {
     "REASONS": REASONS,
@@ -86,5 +85,4 @@ WORDS = {
     "WHERE": WHERE,
     "VARIABLES": VARIABLES,
     "SOURCES": SOURCES,
-    "NAMES": NAMES,
 }

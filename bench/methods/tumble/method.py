@@ -42,6 +42,8 @@ UNITS: Units = {
     "K1T2": ("1/°C²", "ppm/°C²"),
     "K3": ("g/g³", "µg/g³"),
     "Kip": ("g/g²", "µg/g²"),
+    "Kio": ("g/g²", "µg/g²"),
+    "misalignment_y": ("rad", "µrad"),
     "asymmetry": ("1", "ppm"),
     "K0/hysteresis": ("g", "µg"),
     "K0/closure": ("g", "µg"),

@@ -32,4 +32,10 @@ CONDITIONS = {
 }
 SOURCES = ("residuals of the model", "scatter of the readings of a tumble")
 
-WORDS = {"REASONS": REASONS, "UNITS": UNITS, "QUANTITIES": QUANTITIES, "CONDITIONS": CONDITIONS, "SOURCES": SOURCES}
+WORDS = {
+    "REASONS": REASONS,
+    "UNITS": UNITS,
+    "QUANTITIES": QUANTITIES,
+    "CONDITIONS": CONDITIONS,
+    "SOURCES": SOURCES,
+}
