@@ -95,7 +95,7 @@ METHODS = {
         Method("M1", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.2°")),  # where none saturates
         Method("M1 sides", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
-               ("largest=0.36°", "step=0.18°", "sides=yes")),
+               ("largest=0.36°", "step=0.12°", "sides=yes")),
         Method("M2", "imu_24_position", "imu", "imu", ACCELEROMETERS, imu.compared),
         Method("M2 start-up", "imu_start_up", "imu", "imu", ACCELEROMETERS, None,
                of_folder=imu_start_up.compare_start_up, calibration=imu_start_up.CALIBRATION),
@@ -172,6 +172,10 @@ def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
 STATED = {
     ("warm", "M3a"): (r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C"),
     ("warm", "repeatability"): (r"(?<=bias_per_degree_u: )10", "50"),
+    ("warm", "M4a clocked"): (
+        r"bias_per_degree_u: 10 µg/°C, scale_per_degree_u: 60",
+        "bias_per_degree_u: 50 µg/°C, scale_per_degree_u: 120",
+    ),
     ("warm", "M0"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
     ("nonlinear", "M3c"): (r"(?<=scale_u: )100 ppm", "450 ppm"),  # K2 and asymmetry, at the low rates
     ("misaligned", "M4b"): (r"(?<=misalignment_u: )1 mrad", "4 mrad"),

@@ -25,7 +25,7 @@ INPUT_HYSTERESIS = "input_hysteresis: {amplitude: 20 µg, thresholds: [1 mg, 2 m
 LOOP = "hysteresis"  # of a unit without, the largest of what noise makes: not judged by its scatter about 0
 QUANTITIES = (
     "K0", "K1", "misalignment", "misalignment_y", "Kip", "Kio", "scale_difference", "bias", "bias_corrected", "b3",
-    "b5",
+    "b5", "verification/offset", "verification/scale",
 )  # fmt: skip
 ALIKE_G = 1e-6  # readings at one angle
 _BESIDE = re.compile(r"clocking|verification")  # readings that are not swept
@@ -62,6 +62,7 @@ def true_figures(truth: dict) -> dict[str, float]:
     bias, scale, tilted, coupling = np.linalg.solve(equations, np.concatenate([up[:, 0], down[:, 0]])).tolist()
     return {
         **_of_sides(truth),
+        **_verified(truth, up[:, 0]),
         "K0": bias / scale,
         "K1": scale,
         "misalignment": tilted / scale,
@@ -99,6 +100,20 @@ def _of_sides(truth: dict) -> dict[str, float]:
     scale = (up[1] - down[1] + up[-1] - down[-1]) / (4 * sine)
     coupling = (up[1] - down[1] - up[-1] + down[-1]) / (4 * sine * math.sqrt(1 - sine**2))
     return {"Kio": coupling / scale, "misalignment_y": (level[1] - level[-1]) / 2 / scale}
+
+
+def _verified(truth: dict, line: np.ndarray) -> dict[str, float]:
+    """By how much the line through the outputs of the verification differs from that of the end with +Z up.
+
+    Empty without a verification.
+    """
+    keys = [key for key in truth["forces_g"] if "verification" in key and truth["forces_g"][key][2] > 0]
+    if not keys:
+        return {}
+    slope, intercept = np.polyfit(
+        [truth["forces_g"][key][0] for key in keys], [truth["outputs"][key] for key in keys], 1
+    )
+    return {"verification/offset": (intercept - line[0]) / line[1], "verification/scale": slope / line[1] - 1}
 
 
 def _mean(truth: dict, side: int, angle: int) -> tuple[float | None, float]:

@@ -69,6 +69,8 @@ UNITS: Units = {
     "hysteresis": ("g", "µg"),
     "verification/largest": ("g", "µg"),
     "verification/rms": ("g", "µg"),
+    "verification/offset": ("g", "µg"),
+    "verification/scale": ("1", "ppm"),
 }
 INDEXING_STATIC = MethodDescription(
     name="indexing_static",

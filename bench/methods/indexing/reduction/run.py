@@ -26,6 +26,7 @@ from bench.methods.indexing.reduction.readings import (
 )
 from bench.methods.indexing.reduction.sides import SideFindings
 from bench.methods.indexing.reduction.two_ends import Agreement, BothEnds
+from bench.methods.indexing.reduction.verification import Verification
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.propagation import Measured
 from bench.metrology.results.curves import Constant
@@ -116,11 +117,12 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     platform = settings["platform_rad"]
     known = None if platform is None else Measured(platform, settings["platform_u_rad"])
     estimates = IndexingEstimates(data, unit, last.readings, last.found, clocked, known)
+    verification = Verification(data.subject(unit), estimates, verified)
     findings = IndexingFindings(
-        data, unit, last.found, estimates, verified, settings["bias_per_c_u"], settings["scale_per_c_u"]
+        data, unit, last.found, estimates, verification, settings["bias_per_c_u"], settings["scale_per_c_u"]
     )
     sides = _sides(data, unit, _attempts(readings, unit, settings, "Y"))
-    residuals_g = tuple(findings.verification_residuals_g().tolist())
+    residuals_g = tuple(verification.residuals_g.tolist())
     detail = IndexingDetail(unit.output_unit, tuple(attempts), tuple(verified), residuals_g)
     left_out = [f"+Z {name}" for name, end in last.found.ends.items() if end is None or end.fit is None]
     return UnitResult(
@@ -129,7 +131,12 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         findings=(*findings.findings(), *(sides.findings() if sides else ())),
         models=tuple(findings.models()),
         left_out=tuple(left_out),
-        flags=(*flags, *_flags(attempts, clocked), *(sides.flags() if sides else ())),
+        flags=(
+            *flags,
+            *_flags(attempts, clocked),
+            *(sides.flags() if sides else ()),
+            *([Flag("verification:corrected")] if any(each.differs for each in verification.regressions) else []),
+        ),
         detail=detail,
         compensations=_compensations(estimates.both, unit),
     )
