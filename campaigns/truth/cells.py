@@ -95,7 +95,7 @@ METHODS = {
         Method("M1", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.2°")),  # where none saturates
         Method("M1 sides", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
-               ("largest=0.36°", "step=0.12°", "sides=yes")),
+               ("largest=0.4°", "step=0.1°", "sides=yes")),
         Method("M2", "imu_24_position", "imu", "imu", ACCELEROMETERS, imu.compared),
         Method("M2 start-up", "imu_start_up", "imu", "imu", ACCELEROMETERS, None,
                of_folder=imu_start_up.compare_start_up, calibration=imu_start_up.CALIBRATION),

@@ -150,33 +150,40 @@ def unit_problems(entry: LimitEntry, unit: str) -> Iterator[tuple[str, str]]:
                 value.to(unit)
         except QuantityError as problem:
             yield key, f"{key}: {problem}"
+    if entry.u_max is not None and (wrong := ratio_problem(entry.u_max, unit)):
+        yield "u_max", f"u_max: {wrong}"
+
+
+def ratio_problem(value: Quantity, unit: str) -> str:
+    """Problem of a value known to be neither in a unit nor a ratio; empty without one."""
     try:
-        if is_known(entry.u_max):
-            _u_max_in(unit, entry.u_max)
+        if is_known(value):
+            value_or_ratio(unit, value)
     except QuantityError as problem:
-        yield "u_max", f"u_max: {problem}, or a ratio, such as 20 ppm"
+        return f"{problem}, or a ratio, such as 20 ppm"
+    return ""
 
 
 def limits_in(entry: LimitEntry, unit: str) -> Limits:
     """Limits as numbers in `unit`; QuantityError if they are in another dimension."""
     low, high = entry.sides
+    u_max, u_max_relative = (None, None) if entry.u_max is None else value_or_ratio(unit, entry.u_max)
     return Limits(
         low=_in(unit, low),
         high=_in(unit, high),
         target=_in(unit, entry.target),
         guard_k=entry.guard,
         marginal=_in(unit, entry.marginal),
-        **_u_max_in(unit, entry.u_max),
+        u_max=u_max,
+        u_max_relative=u_max_relative,
     )
 
 
-def _u_max_in(unit: str, value: Quantity | None) -> dict[str, float]:
-    """Largest standard uncertainty in `unit`, or as a ratio if it has no dimension and the value has one."""
-    if value is None:
-        return {}
+def value_or_ratio(unit: str, value: Quantity) -> tuple[float | None, float | None]:
+    """Value in `unit` and None, or None and a ratio if it has no dimension and `unit` has one; QuantityError."""
     if value.dimension == NO_DIMENSION and parse_unit(unit).dimension != NO_DIMENSION:
-        return {"u_max_relative": value.base_value}
-    return {"u_max": value.to(unit)}
+        return None, value.base_value
+    return value.to(unit), None
 
 
 def _in(unit: str, value: Quantity | None) -> float | None:

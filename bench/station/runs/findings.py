@@ -21,7 +21,8 @@ _FINDING = object_of(
     {
         "id": TEXT, "uut": TEXT, "quantity": TEXT, "name": TEXT, "value": NUMBER, "unit": TEXT, "u": NUMBER,
         "k": NUMBER, "expanded": NUMBER, "limits": nullable(named(NUMBER)), "verdict": nullable(TEXT),
-        "u_max": nullable(NUMBER), "marginal": TRUTH, "flags": list_of(TEXT), "budget": list_of(_LINE),
+        "u_max": nullable(NUMBER), "monthly_drift": nullable(NUMBER), "marginal": TRUTH, "flags": list_of(TEXT),
+        "budget": list_of(_LINE),
         "at": named(_ANY),
     },
     ("id", "uut", "quantity", "name", "value", "unit", "u", "verdict"),
@@ -61,6 +62,7 @@ class FindingView(_Model):
     low: float | None = None
     high: float | None = None
     u_max: float | None = Field(None, description="largest permitted standard uncertainty")
+    monthly_drift: float | None = Field(None, description="specified largest change in a month")
     verdict: str | None = None
     marginal: bool = False
     flags: list[str] = []
@@ -160,5 +162,5 @@ def _finding(content: Mapping[str, Any]) -> FindingView:
         id=content["id"], uut=content["uut"], quantity=content["quantity"], name=content["name"],
         value=content["value"], unit=content["unit"], u=content["u"], verdict=content["verdict"],
         expanded=content.get("expanded", 2.0 * content["u"]), low=limits.get("min"), high=limits.get("max"),
-        u_max=content.get("u_max"), **known,
+        u_max=content.get("u_max"), monthly_drift=content.get("monthly_drift"), **known,
     )  # fmt: skip

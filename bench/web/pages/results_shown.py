@@ -74,7 +74,7 @@ class ShownFinding:
             sides = tr("at least {low}", low=low)
         else:
             sides = tr("at most {high}", high=high) if high is not None else ""
-        allowed_u = "" if found.u_max is None else tr("u at most {u_max}", u_max=f"{found.u_max * self.factor:.3g}")
+        allowed_u = "" if found.u_max is None else tr("u at most {u_max}", u_max=f"{found.u_max * self.factor:.6g}")
         return tr(", ").join(filter(None, (sides, allowed_u)))
 
     @property
@@ -105,6 +105,11 @@ def scaled(value: float, expanded: float, quantity: str, unit: str) -> str:
     """Return a value ± U in the displayed unit of its quantity, without the unit."""
     factor, _ = scale_shown(quantity, unit)
     return with_expanded(value * factor, expanded * abs(factor))
+
+
+def bound(value: float, quantity: str, unit: str) -> str:
+    """Return a bound in the displayed unit of its quantity, without the unit."""
+    return f"{value * abs(scale_shown(quantity, unit)[0]):.6g}"
 
 
 def difference(value: float, expanded: float, quantity: str, unit: str) -> str:
