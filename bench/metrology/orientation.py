@@ -26,23 +26,26 @@ IN_PLANE = 1e-6  # g along the output axis; a unit rotated in the plane of its i
 def unit_axes(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
     """Axes of a unit in the level frame, a row each: (3, 3), which rotates a level vector into the unit's frame."""
     turns = [(axis.points, acquisition.angles_deg.get(role, 0.0)) for role, axis in bench.axes.items()]
-    return turned_axes(turns, bench.x, bench.z, acquisition.mount, unit.mount_angle_deg, bench.level_deg)
+    own_deg = unit.mount_angle_deg, unit.clock_deg
+    return turned_axes(turns, bench.x, bench.z, acquisition.mount, own_deg, bench.level_deg)
 
 
 def turned_axes(
-    turns: Iterable[tuple[Vector, float]], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float = 0.0
-) -> Array:
+    turns: Iterable[tuple[Vector, float]], x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float],
+    level_deg: float = 0.0,
+) -> Array:  # fmt: skip
     """The same for any table: `turns` are directions and angles (°) of its axes, outer first.
 
-    `x` and `z` are directions of the fixture with all angles at 0; the unit is raised by `own_deg` in it.
+    `x` and `z` are directions of the fixture with all angles at 0; the unit is raised in it, and clocked, by `own_deg`.
     """
     return _turned_axes(tuple(turns), x, z, mount, own_deg, level_deg).copy()
 
 
 @lru_cache(maxsize=512)  # a table returns to the same angles again and again
 def _turned_axes(
-    turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float
-) -> Array:
+    turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float],
+    level_deg: float,
+) -> Array:  # fmt: skip
     turned = scipy.spatial.transform.Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
     for points, angle_deg in turns:
         turned *= scipy.spatial.transform.Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
@@ -81,9 +84,12 @@ def is_clocked(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord
 
 
 @lru_cache(maxsize=64)  # few mounts occur
-def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
-    """Axes of a unit in a level fixture with all angles at 0: raised by the mount, rolled, clocked, raised."""
-    steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", own_deg)]
+def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float]) -> Array:
+    """Axes of a unit in a level fixture at angles of 0: raised by the mount, rolled, clocked, then raised, clocked."""
+    raised_deg, clocked_deg = own_deg
+    steps = [
+        ("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", raised_deg), ("z", clocked_deg),
+    ]  # fmt: skip
     rotation = scipy.spatial.transform.Rotation
     turned = rotation.identity()
     for axis, angle_deg in steps:

@@ -96,6 +96,9 @@ METHODS = {
                ("largest=0.4°", "step=0.2°")),  # where none saturates
         Method("M1 sides", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.1°", "sides=yes")),
+        Method("M1 axes", "indexing_three_axes", "indexing_three_axes", "micro_g",
+               ("as shipped", "negative scale", "misaligned", "nonlinear"), indexing.compared,
+               ("largest=0.4°", "step=0.1°")),
         Method("M2", "imu_24_position", "imu", "imu", ACCELEROMETERS, imu.compared),
         Method("M2 start-up", "imu_start_up", "imu", "imu", ACCELEROMETERS, None,
                of_folder=imu_start_up.compare_start_up, calibration=imu_start_up.CALIBRATION),

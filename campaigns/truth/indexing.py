@@ -27,6 +27,7 @@ QUANTITIES = (
     "K0", "K1", "misalignment", "misalignment_y", "Kip", "Kio", "scale_difference", "bias", "bias_corrected", "b3",
     "b5", "verification/offset", "verification/scale",
 )  # fmt: skip
+AXES = {"a": "x", "b": "y", "c": "z"}  # measured in the places of `indexing_three_axes`
 ALIKE_G = 1e-6  # readings at one angle
 _BESIDE = re.compile(r"clocking|verification")  # readings that are not swept
 
@@ -38,12 +39,22 @@ def compare_indexing(folder: Path) -> list[Comparison]:
 
 def compared(truth: dict, results: dict) -> list[Comparison]:
     """The same of a truth and of results at hand."""
-    figures = true_figures(truth)
+    places = {found["id"].split("/")[1] for found in results["findings"]}
+    figures = {place: true_figures(of_place(truth, place)) for place in places}
     return [
-        Comparison.of(truth["seed"], found, figures[found["quantity"]])
+        Comparison.of(truth["seed"], found, figures[found["id"].split("/")[1]][found["quantity"]])
         for found in results["findings"]
         if found["quantity"] in QUANTITIES or (found["quantity"] == LOOP and is_hysteretic(truth))
     ]
+
+
+def of_place(truth: dict, place: str) -> dict:
+    """Truth of the readings of one place; of an instrument of three axes those while its axis was measured."""
+    own = re.compile(f"/{place}@(?!.*axis=(?!{AXES.get(place, '')}))")
+    kept = {
+        name: {key: value for key, value in truth[name].items() if own.search(key)} for name in ("outputs", "forces_g")
+    }
+    return {**truth, **kept}
 
 
 def is_hysteretic(truth: dict) -> bool:

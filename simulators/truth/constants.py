@@ -224,7 +224,7 @@ def gravity_in_unit(world: World, unit: SimulatedUnit, orientation: Orientation)
     """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench."""
     angles_deg = [np.array([angle_deg]) for angle_deg in orientation.angles_deg]
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
-    return np.asarray(to_unit(orientation.mount, unit.settings.mount_angle_deg) @ upward)
+    return np.asarray(to_unit(orientation.mount, unit.settings.mount_angle_deg, unit.settings.clock_deg) @ upward)
 
 
 def _axis_deg(world: World, place: str, orientation: Orientation) -> float:

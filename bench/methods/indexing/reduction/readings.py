@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.methods.indexing.names import CLOCKING, PASS, REVERSE, VERIFICATION
 from bench.methods.indexing.reduction.sweep import SweepRecord
-from bench.metrology.acquisition import Acquisition, Counts, Output
+from bench.metrology.acquisition import Acquisition, Counts, Mount, Output
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
 from bench.metrology.orientation import unit_axes
@@ -25,6 +25,8 @@ from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 OTHER_SIDE = {"below": "above", "above": "below", "": ""}
+UPRIGHT = 0.5  # sine of the smallest angle of an input axis above the level at which it is not the one measured
+NOT_TURNED = 0.5  # cosine of the angle between an input axis and that of the head, from which the head does not turn it
 TURN_DEG = 1e-3  # finite difference of the head angle, for derivatives
 
 Kind = Literal["sweep", "clocking", "verification"]
@@ -66,10 +68,21 @@ class IndexingReading:
 
 
 def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReading], list[Flag]]:
-    """All readings of a unit in run order, and flags for those that cannot be used."""
+    """All readings of a unit in run order, and flags for those that cannot be used.
+
+    Of a channel of an instrument with several, those in which its input axis is neither upright nor that of the head:
+    in the others another channel is measured.
+    """
     flat = replace(data.bench, level_deg=0.0)
+    elsewhere = _of_other_channels(data.acquisitions, unit, flat)
     found, flags = [], []
     for number, acquisition in enumerate(data.acquisitions):
+        kind, along_head = (
+            kind_of(acquisition.step),
+            float(unit_axes(acquisition, unit, flat)[0] @ np.array(flat.head.points)),
+        )
+        if acquisition.mount in elsewhere or (kind != "clocking" and abs(along_head) > NOT_TURNED):
+            continue
         output = mean_output(acquisition, unit)
         flags += [Flag(problem, at=acquisition.step) for problem in output.problems]
         usable = not set(output.problems) - {"unstable"}
@@ -81,7 +94,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
         reading = IndexingReading(
             number=number,
             step=acquisition.step,
-            kind=kind_of(acquisition.step),
+            kind=kind,
             attempt=int(acquisition.loops.get(PASS, 1)),
             face=face,
             end="up" if axes[2 if face == "Z" else 1] > 0 else "down",
@@ -89,7 +102,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             angle_rad=float(np.arcsin(np.clip(axes[0], -1, 1))),
             head_rad=float(np.radians(acquisition.angle_deg)),
             turn=turn,
-            clock_rad=float(np.radians(acquisition.mount.clock_deg)),
+            clock_rad=float(np.arctan2(-along_head, turn)),
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
@@ -102,6 +115,15 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
         )
         found.append(reading)
     return found, flags
+
+
+def _of_other_channels(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> set[Mount]:
+    """Mounts in which the input axis of a unit is never near the level."""
+    nearest: dict[Mount, float] = {}
+    for each in acquisitions:
+        along = abs(float(unit_axes(each, unit, bench)[0, 2]))
+        nearest[each.mount] = min(nearest.get(each.mount, 1.0), along)
+    return {mount for mount, along in nearest.items() if along > UPRIGHT}
 
 
 def _single_u(acquisition: Acquisition, unit: UnitUnderTest, output: Output) -> float:

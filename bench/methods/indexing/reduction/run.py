@@ -79,7 +79,9 @@ def _attempts(
     """Measurements of both ends, or with the face Y of both sides, which are reduced in the same way."""
     readings = [each for each in every if each.face == face]
     numbers = sorted({each.attempt for each in readings if each.kind == "sweep"})
-    clocked = usable_clocking([each for each in readings if each.kind == "clocking"], _limit(unit, settings))
+    clocked = usable_clocking(
+        [each for each in every if each.kind == "clocking" and each.face == "Z"], _limit(unit, settings)
+    )
     attempts = []
     for number in numbers:
         swept = [each for each in readings if each.kind == "sweep" and each.attempt == number]
@@ -112,7 +114,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         return UnitResult(unit.place, unit.serial, (), (), ("both ends",), (*flags, Flag("no_sweep")))
     last = attempts[-1]
     limit = _limit(unit, settings)
-    clocked = usable_clocking([each for each in readings if each.kind == "clocking"], limit)
+    clocked = usable_clocking([each for each in readings if each.kind == "clocking" and each.face == "Z"], limit)
     verified = usable_clocking([each for each in readings if each.kind == "verification" and each.face == "Z"], limit)
     platform = settings["platform_rad"]
     known = None if platform is None else Measured(platform, settings["platform_u_rad"])
