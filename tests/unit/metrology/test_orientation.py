@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,6 +105,15 @@ def test_a_unit_rotated_by_a_quarter_of_a_turn_about_its_input_axis_is_clocked_a
     beyond = -1.0 if roll_deg in (180.0, -90.0) else 1.0  # the axis that left the level points down at 0
     expected = beyond * np.cos(raised) + np.sin(raised) * 1j
     assert np.exp(1j * elevation_rad(*lying(*how))) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("own_deg", [(0.0, 90.0), (90.0, 0.0), (35.0, -60.0)])
+@pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (90.0, 180.0, 0.0), (10.0, 20.0, 30.0)])
+def test_the_bench_knows_how_a_clocked_channel_lies_in_the_world(own_deg, mount):
+    acquisition, unit, bench = lying({"head": SOUTH}, EAST, UP, (17.0,), mount, own_deg[0])
+    turned = Fixture((SOUTH,), EAST, UP).to_fixture([np.array([17.0])], 0.0)[0]
+    known = to_unit(attitude.Mount(*mount), *own_deg) @ turned
+    assert unit_axes(acquisition, replace(unit, clock_deg=own_deg[1]), bench) == pytest.approx(known, abs=1e-12)
 
 
 def test_a_unit_between_both_mounts_has_no_elevation():
