@@ -15,7 +15,7 @@ from bench.sequence.plan.poses import first_input_deg, poses_before
 from bench.sequence.steps.measuring import Acquire
 from bench.sequence.steps.stimulus import Move, Ramp
 
-TUMBLE, REPEATABILITY = "temperature_tumble", "repeatability"
+TUMBLE, REPEATABILITY, VERIFICATION = "temperature_tumble", "repeatability", "verify_compensation"
 TUMBLE_ANGLES = 4  # for K0, K1, K2 and the misalignment: equations 1.5
 CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by the terms of a tumble
 LEAST_REPETITIONS = 3
@@ -31,7 +31,7 @@ Dwells = dict[str, tuple[float | None, list[Position]]]
 
 def too_few_angles(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A tumble whose angles cannot separate its four constants."""
-    for place, entry in results_by(plan, TUMBLE, REPEATABILITY):
+    for place, entry in results_by(plan, TUMBLE, REPEATABILITY, VERIFICATION):
         dwells, every = _dwells(plan, bench, entry.data), set[Position]()
         for dwell, (_, positions) in dwells.items():
             here = {(round(angle_deg, SAME_ANGLE_DIGITS) % 360, clocked) for angle_deg, clocked in positions}
