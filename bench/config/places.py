@@ -16,6 +16,7 @@ from drivers.schema.fields import (
     Amperes,
     AnyQuantity,
     Degrees,
+    Flag,
     InUnit,
     Name,
     PositiveSeconds,
@@ -187,6 +188,14 @@ class PlaceEntry(StrictModel):
     )
     type: Text = Field("accelerometer channel", description="description of the unit in the report")
     mount_angle: Degrees = Field(0.0, description="its angle in the fixture; added to the head angle")
+    clock: Degrees = Field(
+        0.0, description="then its rotation about its own pendulous axis; 90° for the y channel of an instrument"
+    )
+    overload: Flag = Field(
+        False,
+        description="it may be beyond its range in mounts where its input axis is upright with the head at 0°, while "
+        "another channel of the same instrument is measured",
+    )
     temperature: Name = Field(description="the reading of the thermometer at the unit")
     gyro_temperature: Name | None = Field(
         None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"

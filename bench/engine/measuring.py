@@ -47,7 +47,9 @@ async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any
         limits = limits_in(step.limits, unit)
         judged = judge(value, u, limits)
         found |= {
-            "limits": {"min": limits.low, "max": limits.high, "guard": limits.guard_k},
+            "limits": {
+                "min": limits.low, "max": limits.high, "guard": limits.guard_k, "u_max": limits.u_allowed(value),
+            },
             "verdict": judged.verdict, "marginal": judged.marginal,
         }  # fmt: skip
         if judged.verdict != "PASS":

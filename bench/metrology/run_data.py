@@ -76,6 +76,7 @@ class UnitUnderTest:
     telemetry: str | None = None
     sent_unit: str = "code"
     channel_units: Mapping[str, str] = field(default_factory=dict)
+    clock_deg: float = 0.0
     ammeter: str = ""
     power_cycles: PowerCycles | None = None
     sensor: str = ""

@@ -113,6 +113,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         serial=serial,
         channel=entry.channel,
         mount_angle_deg=entry.mount_angle,
+        clock_deg=entry.clock,
         temperature=entry.temperature,
         until_s=until_s,
         voltmeter=entry.voltmeter,

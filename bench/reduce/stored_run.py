@@ -76,7 +76,13 @@ class StoredRun:
         """A unit with the released calibration that was given to the run, if any."""
         if unit.place not in self.manifest.get("released", {}):
             return unit
-        return replace(unit, released=read_calibration(self.folder / released_copy(unit.place)).released())
+        known = read_calibration(self.folder / released_copy(unit.place))
+        if known.run == self.manifest["run"]:
+            raise StoreError(
+                f"{released_copy(unit.place)} in {self.folder} is the calibration that this run itself found: data to "
+                "which a model was fitted cannot verify it. Give the calibration to a new run of the unit instead"
+            )
+        return replace(unit, released=known.released())
 
     def counted_at(self, what: CountsAt) -> list[RunData]:
         """Acquisitions of methods with one of these layouts."""

@@ -30,6 +30,7 @@ SHIPPED: Mapping[str, str] = {
     "gyro_response": "bench.methods.rate_table.method:GYRO_RESPONSE",
     "temperature_ramp": "bench.methods.ramp.method:TEMPERATURE_RAMP",
     "temperature_tumble": "bench.methods.tumble.method:TEMPERATURE_TUMBLE",
+    "verify_compensation": "bench.methods.tumble.method:VERIFY_COMPENSATION",
     "threshold": "bench.methods.threshold.method:THRESHOLD",
 }
 OUTPUT = "output"  # as the unit of a quantity: stands for the unit of the units' output

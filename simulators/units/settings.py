@@ -37,6 +37,7 @@ class PlaceSettings:
     source: str = ""
     arm_m: Vector = NOWHERE
     decoding: Decoding | None = None
+    clock_deg: float = 0.0
 
     @property
     def through(self) -> Through:

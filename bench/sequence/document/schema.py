@@ -27,7 +27,8 @@ def sequence_schema() -> Schema:
     result["allOf"] = []
     for name, method in sorted(methods.items()):
         settings = {"settings": method.settings}
-        limits = {"limits": {"propertyNames": {"enum": list(method.quantities)}}}
+        names = {"propertyNames": {"enum": list(method.quantities)}}
+        limits = {"limits": names, "monthly_drift": names}
         then = object_of({"settings": refs[method.settings], **limits}, settings)
         result["allOf"].append(when("method", name, then))
         _allow_expressions(schema["$defs"][method.settings.__name__]["properties"])

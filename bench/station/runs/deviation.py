@@ -92,7 +92,9 @@ class Expectation:
         if acts.moving or (self.bench.axes and not acts.angles_deg):
             return None
         turns = [(points, acts.angles_deg.get(role, 0.0)) for role, points in self.bench.axes.items()]
-        axes = turned_axes(turns, fixture.x, fixture.z, mount_of(self.bench, acts.mount), entry.mount_angle)
+        axes = turned_axes(
+            turns, fixture.x, fixture.z, mount_of(self.bench, acts.mount), (entry.mount_angle, entry.clock)
+        )
         return self.per_g * float(axes[self.row, 2])
 
 
