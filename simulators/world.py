@@ -113,6 +113,8 @@ class World:
         self.thermal.advance(now)
         for unit in self.units.values():
             unit.temperatures.follow(now, unit.powered_at_s is not None)
+        for imu in self.imus.values():
+            imu.temperatures.follow(now, imu.powered_at_s is not None)
         return now
 
     @property
@@ -203,14 +205,17 @@ class World:
         for unit in self.units.values():
             unit.fixed_anew(now)
 
-    def connect(self, fed_by: Input) -> None:
+    def connect(self, fed_by: Input, channel: str = "") -> None:
         """Connect the accelerometers, or the cables of the sources instead, to the converters.
 
-        A converter has one input. The cable of a disconnected source ends in a load.
+        A converter has one input. The cable of a disconnected source ends in a load. Of an inertial unit, all
+        accelerometers are connected, or none and the cable is plugged into the converter of one `channel`.
         """
         self.before_change()
         for unit in self.units.values():
             unit.input = fed_by
+        for imu in self.imus.values():
+            imu.input, imu.fed_channel = fed_by, channel
 
     def source_a(self, source: str, at_s: Array) -> Array:
         """Current of a source's cable at true times."""

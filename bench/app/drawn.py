@@ -110,6 +110,7 @@ class _Draws:
             channel=entry.channel,
             supply=entry.supply,
             mount_angle_deg=entry.mount_angle,
+            clock_deg=entry.clock,
             thermometer=self._thermometer(entry.temperature),
             load_ohm=next((each.load for role, each in simulation.voltmeters.items() if role == entry.voltmeter), None),
             converter_thermometer=self._thermometer(entry.converter_temperature or ""),
@@ -131,6 +132,8 @@ class _Draws:
                 sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
             },
             decodings={name: each for name, each in decodings.items() if each is not None},
+            converter_thermometer=self._thermometer(entry.converter_temperature or ""),
+            source=entry.source or "",
         )
 
     def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:

@@ -87,6 +87,9 @@ def _channels(place: str, released: Released, bench: BenchFile) -> Iterator[str]
     if lacking := [name for name in channels if name not in known]:
         yield f"{released.path}: has no channel {', '.join(lacking)}, which the unit in place '{place}' has"
         return
+    if not channels and all(each.output_unit != (unit := bench.output_unit(place)) for each in known.values()):
+        name, only = next(iter(known.items()))
+        yield f"{released.path}: {name} is for an output in {only.output_unit}, on the bench it is in {unit}"
     sent = bench.sent_units(bench.places[place])
     for name in channels:
         if known[name].output_unit != (unit := sent.get(name, "pulse/s")):

@@ -153,7 +153,7 @@ class Technician:
         if action.mount is not None:
             self._world.fix_units(simulated_mount(self._bench.fixture.mounts[action.mount]))
         if action.input is not None:
-            self._world.connect(action.input)
+            self._world.connect(action.input, action.fed_channel)
 
     def _turned(self, request: OperatorRequest, action: ScriptedAction | None) -> str:
         """Turn a head as requested or as scripted; return the angle to enter, by default the requested one."""

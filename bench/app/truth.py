@@ -52,6 +52,7 @@ class _Measured(NamedTuple):
     temperature: str
     source: str
     acquired: Acquisition
+    sensors: tuple[str, ...]
 
     def key(self, step: str) -> str:
         """Return the key of a step, or of a group of steps, in the truth."""
@@ -63,7 +64,8 @@ def _each(stored: StoredRun, counted_at: CountsAt) -> Iterator[_Measured]:
     for data in stored.counted_at(counted_at):
         for unit in data.units:
             for acquired in data.acquisitions:
-                yield _Measured(data.label, unit.place, unit.temperature, unit.source, acquired)
+                sensors = tuple(name for name in unit.channels if name.startswith("acc_")) or ("",)
+                yield _Measured(data.label, unit.place, unit.temperature, unit.source, acquired, sensors)
 
 
 def _by(
@@ -129,14 +131,27 @@ def _leg(each: _Measured, begin_s: float) -> LegAsMeasured:
 
 
 def _levels(stored: StoredRun) -> list[LevelAsMeasured]:
-    """Return the acquisitions at one input level each."""
+    """Return the acquisitions at one input level each; of an inertial unit one for each accelerometer."""
     return [
         LevelAsMeasured(
-            each.key(level.step), each.place, level.begin_s, level.end_s, orientation(level),
-            source_a=level.sources_set_a.get(each.source, 0.0) if level.input == "source" else None,
+            _level_key(each, sensor), each.place, level.begin_s, level.end_s, orientation(level),
+            source_a=_source_a(each, sensor), sensor=sensor,
         )
-        for each in _each(stored, "levels") for level in (each.acquired,)
+        for each in _each(stored, "levels") for level in (each.acquired,) for sensor in each.sensors
     ]  # fmt: skip
+
+
+def _level_key(each: _Measured, sensor: str) -> str:
+    place = f"{each.place}/{sensor.removeprefix('acc_')}" if sensor else each.place
+    return f"{each.label}/{place}@{each.acquired.step}"
+
+
+def _source_a(each: _Measured, sensor: str) -> float | None:
+    """Return the set current into a converter; None with its accelerometer connected."""
+    level = each.acquired
+    if level.input != "source":
+        return None
+    return level.sources_set_a.get(each.source, 0.0) if level.input_channel == sensor else 0.0
 
 
 def _ladders(stored: StoredRun) -> list[LadderAsMeasured]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TextIO
 
 from bench.cli import exits
-from bench.cli.commands import Command, argument, option
+from bench.cli.commands import Command, argument, option, options, whole_number
 from bench.cli.running import ONLY_RESULTS
 from bench.cli.stored import DAMAGED, RUNS
 from bench.cli.streams import remark, say, say_json
@@ -24,19 +26,68 @@ def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, dam
     return exits.PASS
 
 
-def compensate(calibration: Path, data: Path, out: Path | None, beyond: str) -> None:
-    """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature."""
-    from bench.files import atomic_file
+def compensate(
+    calibration: Path,
+    data: Path,
+    out: Path | None,
+    beyond: str,
+    to: str,
+    unit: str,
+    counter_bits: int | None,
+    noise: str | None,
+    at_start: tuple[str, ...],
+    step: str | None,
+    runs: Path,
+) -> None:
+    """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature.
+
+    With --to it converts the counts of a unit in motion, in a file or in an acquisition of a run, to specific force or
+    velocity, with the standard uncertainty of each value.
+    """
     from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
     remark(*(f"{calibration.name}: {warning}" for warning in known.warnings))
-    text = compensated(known, data, "hold" if beyond == "hold" else "reject")
-    if out is None:
-        sys.stdout.write(text)
+    if to == "value":
+        _only_in_motion(unit != "g", counter_bits is not None, noise is not None, bool(at_start), step is not None)
+        text = compensated(known, data, "hold" if beyond == "hold" else "reject")
+        _write(out, lambda file: file.write(text))
+        return
+    from bench.offline.motion import axes_of, converted, in_motion, wanted
+
+    options = wanted(to, unit, beyond, counter_bits, noise, at_start)
+    if step is None and data.suffix == ".csv":
+        found = in_motion(known, data, options)
     else:
-        with atomic_file(out) as draft:
-            draft.write_text(text, encoding="utf-8")
+        from bench.reduce.counted import counted_in_run
+        from bench.reduce.stored_run import open_run
+        from bench.store.runs import find_run
+
+        with open_run(find_run(str(data), runs)) as stored:
+            series = counted_in_run(stored, known.uut, list(axes_of(known)), step)
+        found = converted(known, f"{data.name} {step}", series, options)
+    remark(*found.remarks)
+    _write(out, found.write)
+
+
+def _write(out: Path | None, write: Callable[[TextIO], object]) -> None:
+    """Write to a file, or to standard output."""
+    from bench.files import atomic_file
+
+    if out is None:
+        write(sys.stdout)
+    else:
+        with atomic_file(out) as draft, draft.open("w", encoding="utf-8") as file:
+            write(file)
+
+
+def _only_in_motion(*given: bool) -> None:
+    """Raise InputError if an option is given that needs --to."""
+    from bench.errors import InputError
+
+    names = ("--unit", "--counter-bits", "--noise", "--at-start", "--step")
+    if wrong := [name for name, is_given in zip(names, given, strict=True) if is_given]:
+        raise InputError(f"{wrong[0]}: is for counts, with --to acceleration or --to velocity")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
@@ -93,12 +144,32 @@ COMMANDS = (
     Command("compensate", compensate, (
         argument("CAL.json", "The calibration file of a unit.", to="calibration", read=Path),
         argument(
-            "DATA.csv", "CSV with columns T_C and output, and channel if there are several.", to="data", read=Path
+            "DATA.csv|RUN",
+            "CSV with columns T_C and output, and channel if there are several; or, with --to and --step, a run.",
+            to="data", read=Path,
         ),
         option("--out FILE", "Output file; default: standard output.", read=Path),
         option(
             "--beyond hold|reject", "Outside the calibrated temperatures: hold the end values, or reject.",
             choices=("hold", "reject"), default="hold",
         ),
+        option(
+            "--to value|acceleration|velocity",
+            "Result: the value of each row; or specific force or velocity from cumulative counts, in columns t_s, T_C, "
+            "and CHANNEL, or CHANNEL_pos and CHANNEL_neg.",
+            choices=("value", "acceleration", "velocity"), default="value",
+        ),
+        option("--unit g|m/s2", "Unit of --to acceleration.", choices=("g", "m/s2"), default="g"),
+        option(
+            "--counter-bits N", "Bits of counters of one sign that wrap; default: none wraps.", read=whole_number(1, 52)
+        ),
+        option("--noise DENSITY", 'White noise of the sensor, such as "2 µg/Hz^0.5"; default: none.'),
+        options(
+            "--at-start CHANNEL=G",
+            "Specific force in the first second, at rest, such as x=1: another one is refused; repeatable.",
+            to="at_start",
+        ),
+        option("--step STEP", "With a run: the acquisition whose counts are converted."),
+        RUNS,
     )),
 )  # fmt: skip

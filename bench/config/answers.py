@@ -25,7 +25,15 @@ class ScriptedAction(StrictModel):
 
     mount: Name | None = Field(None, description="the mount in which the units are fixed")
     input: Literal["accelerometer", "source"] | None = Field(None, description="what is plugged into the converters")
+    channel: Literal["acc_x", "acc_y", "acc_z", "gyro_x", "gyro_y", "gyro_z"] | None = Field(
+        None, description="with `input: source`, of an inertial unit: the channel of the cable, from acc_x to gyro_z"
+    )
     turn: Degrees | None = Field(None, description="the angle to which the head is turned")
+
+    @property
+    def fed_channel(self) -> str:
+        """Channel of the cable of a source; empty for a unit with one channel."""
+        return self.channel or ""
 
 
 class ScriptedAnswer(StrictModel):

@@ -16,6 +16,7 @@ from drivers.schema.fields import (
     Amperes,
     AnyQuantity,
     Degrees,
+    Flag,
     InUnit,
     Name,
     PositiveSeconds,
@@ -26,6 +27,10 @@ from drivers.schema.fields import (
 from drivers.schema.wording import telling
 
 UnitKind = Literal["channel", "inertial unit"]
+AccelerometerChannel = Literal["acc_x", "acc_y", "acc_z"]
+ACCELEROMETERS: tuple[AccelerometerChannel, ...] = ("acc_x", "acc_y", "acc_z")
+"""Accelerometer channels of an inertial unit."""
+
 UNIT_KINDS: Mapping[UnitKind, str] = {"channel": "units with one channel", "inertial unit": "inertial units"}
 """Names of the kinds in messages."""
 
@@ -183,6 +188,14 @@ class PlaceEntry(StrictModel):
     )
     type: Text = Field("accelerometer channel", description="description of the unit in the report")
     mount_angle: Degrees = Field(0.0, description="its angle in the fixture; added to the head angle")
+    clock: Degrees = Field(
+        0.0, description="then its rotation about its own pendulous axis; 90° for the y channel of an instrument"
+    )
+    overload: Flag = Field(
+        False,
+        description="it may be beyond its range in mounts where its input axis is upright with the head at 0°, while "
+        "another channel of the same instrument is measured",
+    )
     temperature: Name = Field(description="the reading of the thermometer at the unit")
     gyro_temperature: Name | None = Field(
         None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"
@@ -235,6 +248,11 @@ class PlaceEntry(StrictModel):
         if self.telemetry is not None:
             return {"telemetry": self.telemetry}
         return {"channel": self.channel} if self.voltmeter is None else {"voltmeter": self.voltmeter}
+
+    @property
+    def accelerometers(self) -> Mapping[str, str]:
+        """Channels of the accelerometers of an inertial unit, by ACCELEROMETERS; empty for any other unit."""
+        return {} if self.channels is None else {name: getattr(self.channels, name) for name in ACCELEROMETERS}
 
     @property
     def dependencies(self) -> frozenset[str]:

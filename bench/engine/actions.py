@@ -220,6 +220,8 @@ async def _ask(step: Prompt, step_id: str, bench: Bench) -> Found:
         bench.monitor.units.mount = bench.file.fixture.mount(step.expect.mount)
     if step.expect is not None and step.expect.input is not None:
         found["input"] = step.expect.input
+        if step.expect.fed_channel:
+            found["input_channel"] = step.expect.fed_channel
     return found
 
 

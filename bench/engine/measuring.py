@@ -5,14 +5,14 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import AsyncIterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bench.config.models import BenchFile
 from bench.engine.context import Bench
 from bench.engine.missed import Watch
 from bench.engine.monitor import Monitor
-from bench.engine.recording import output_of
+from bench.engine.recording import outputs_of
 from bench.engine.state import Tared
 from bench.errors import StepError
 from bench.metrology.outputs import mean_of
@@ -39,13 +39,17 @@ async def measure(step: Measure, step_id: str, bench: Bench) -> Mapping[str, Any
         single = single.beyond(tares[step.reading])
     value, u, unit = single.value, single.u, single.unit
     found: dict[str, Any] = {"reading": step.reading, "value": value, "unit": unit, "u": u}
+    if single.others:
+        found["others"] = dict(single.others)
     if step.name is not None:
         found["as"] = step.name
     if step.limits is not None:
         limits = limits_in(step.limits, unit)
         judged = judge(value, u, limits)
         found |= {
-            "limits": {"min": limits.low, "max": limits.high, "guard": limits.guard_k},
+            "limits": {
+                "min": limits.low, "max": limits.high, "guard": limits.guard_k, "u_max": limits.u_allowed(value),
+            },
             "verdict": judged.verdict, "marginal": judged.marginal,
         }  # fmt: skip
         if judged.verdict != "PASS":
@@ -64,7 +68,8 @@ async def tare(step: Tare, step_id: str, bench: Bench) -> Mapping[str, Any]:
 class _Single:
     """A measured value: standard uncertainties of its mean and, by a certificate, of offset and gain.
 
-    The offset of an instrument is in the tare as well and cancels in the difference from it.
+    The offset of an instrument is in the tare as well and cancels in the difference from it. `others` are the outputs
+    of the other accelerometers of an inertial unit in the same time.
     """
 
     value: float
@@ -72,6 +77,7 @@ class _Single:
     scatter: float
     offset_u: float | None = 0.0
     gain_u: float = 0.0
+    others: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def u(self) -> float | None:
@@ -88,7 +94,7 @@ async def _value(name: str, duration_s: float | None, step_id: str, bench: Bench
     """Return the mean of a reading over a time, or its newest value."""
     name = bench.file.members(name)[0]
     if (place := measured_place(name, bench.file)) is not None:
-        return await _output_in_g(place, duration_s or 0.0, step_id, bench)
+        return await _output_in_g(place, name.partition(f".{place}")[2][1:], duration_s or 0.0, step_id, bench)
     if is_pulse_rate(name, bench.file):
         return await _pulse_rate(name, duration_s or 0.0, step_id, bench)
     unit = bench.monitor.unit_of(name)
@@ -128,9 +134,13 @@ def _certified(name: str, file: BenchFile) -> tuple[float | None, float]:
     return certificate.U.offset / certificate.k, certificate.U.gain / certificate.k
 
 
-async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
-    """Mean output of a unit over a time, in g by its nominal scale factor; its zero offset is included."""
-    found, per_g = await output_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
+async def _output_in_g(place: str, sensor: str, duration_s: float, step_id: str, bench: Bench) -> _Single:
+    """Mean output of a unit over a time, in g by its nominal scale factor; its zero offset is included.
+
+    Of an inertial unit that of one accelerometer, a `sensor`.
+    """
+    outputs, per_g = await outputs_of(place, duration_s, step_id, bench), bench.file.nominal_per_g(place)
+    found = outputs[sensor]
     if per_g is None:
         raise StepError(f"the bench file does not give the nominal output at 1 g of the unit in place {place}")
     if math.isnan(found.value):
@@ -138,7 +148,9 @@ async def _output_in_g(place: str, duration_s: float, step_id: str, bench: Bench
             f"the output of the unit in place {place}: too little data in {duration_s:g} s; measure longer, or check "
             f"{bench.file.measured_by(place)}"
         )
-    return _Single(found.value / per_g, BY_NOMINAL, math.hypot(found.single_u, found.quantisation_u) / abs(per_g))
+    scatter = math.hypot(found.single_u, found.quantisation_u) / abs(per_g)
+    others = {name: each.value / per_g for name, each in outputs.items() if name != sensor}
+    return _Single(found.value / per_g, BY_NOMINAL, scatter, others=others)
 
 
 async def _pulse_rate(name: str, duration_s: float, step_id: str, bench: Bench) -> _Single:

@@ -126,15 +126,16 @@ class Watched:
         """Keep readings of a meter."""
         self._readings[role].extend(readings)
 
-    def measured(self, place: str) -> Measured | None:
+    def measured(self, place: str, sensor: str = "") -> Measured | None:
         """Latest data of the unit in a place, for slightly more than `over_s`; None if there are none yet.
 
-        Not available for inertial units.
+        Of an inertial unit those of one accelerometer.
         """
         entry = self._bench.places[place]
         if entry.voltmeter is not None:
             return Voltages(*np.array(self._readings[entry.voltmeter], np.float64).reshape(-1, 3)[:, :2].T)
+        channel = entry.accelerometers.get(sensor) or entry.telemetry or entry.channel
         for role in self._bench.measuring(entry):
-            if blocks := self._frames[role]:
-                return self._decoders[role].outputs(FrameBlock.joined(blocks)).get(entry.telemetry or entry.channel)
+            if channel in self._bench.devices[role].outputs and (blocks := self._frames[role]):
+                return self._decoders[role].outputs(FrameBlock.joined(blocks)).get(channel)
         return None

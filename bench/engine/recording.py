@@ -56,15 +56,19 @@ async def acquire_during(
     return {"label": step.label, "begin_s": began_s, "end_s": ended_s}
 
 
-async def output_of(place: str, duration_s: float, step_id: str, bench: Bench) -> Output:
-    """Mean output of the unit in a place over a time; the data it is computed from is stored with the step."""
+async def outputs_of(place: str, duration_s: float, step_id: str, bench: Bench) -> Mapping[str, Output]:
+    """Mean outputs of the unit in a place over a time; the data they are computed from is stored with the step.
+
+    Those of an inertial unit by its accelerometers, that of any other unit by "".
+    """
     watched = Watched(bench.file, math.inf)
     gaps = Watch(bench, step_id)
     sinks: list[Sink] = [_Recorded(bench.writer, step_id), gaps, watched]
-    await acquire_into((bench.file.measured_by(place),), bench.rig, sinks, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
+    entry = bench.file.places[place]
+    await acquire_into(bench.file.measuring(entry), bench.rig, sinks, asyncio.sleep(duration_s), WATCHED_BLOCK_S)
     await gaps.report()
-    found = watched.measured(place)
-    return mean_of(found) if found is not None else NOTHING
+    found = {sensor: watched.measured(place, sensor) for sensor in entry.accelerometers or ("",)}
+    return {sensor: mean_of(each) if each is not None else NOTHING for sensor, each in found.items()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,8 +96,7 @@ class Stepper:
             return found != "skip"
         self._end(planned, found)
         if found.get("verdict") == "FAIL" and step.on_failure in ("stop", "ask"):
-            text = f"{self._plan.where(planned.place)}: step {planned.id}: {found['reading']} is outside its limits."
-            raise UnitFailed(text, "step")
+            raise UnitFailed(_outside_limits(self._plan.where(planned.place), planned.id, found), "step")
         return False
 
     async def _within_its_time(self, step: Step, planned: PlannedStep, body: Body | None) -> Found | Wish:
@@ -229,3 +228,15 @@ def _sustained_rate(step: Rotate | Oscillate) -> Found:
     if (chirp := step.chirp) is not None:
         return found | {"sweep_hz": [chirp.from_hz, chirp.to_hz], "sweep_s": chirp.over_s}
     return found | {"frequency_hz": step.highest_hz}
+
+
+def _outside_limits(place: str, step: str, found: Found) -> str:
+    """Message for a measured value outside its limits; for an accelerometer of an inertial unit with the others."""
+    if "others" not in found:
+        return f"{place}: step {step}: {found['reading']} is outside its limits."
+    sensor, others = found["reading"].rpartition(".")[2], found["others"].items()
+    read = ", ".join(f"{name} {value:.4f} {found['unit']}" for name, value in ((sensor, found["value"]), *others))
+    return (
+        f"{place}: step {step}: {found['reading']} is outside its limits. The accelerometers read {read}: check which "
+        "axis of the unit is up and, with the source, which channel its cable is in; then run it again."
+    )

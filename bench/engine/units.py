@@ -122,10 +122,13 @@ class Units:
             return False
         turns = tuple((points, self.angles_deg[role]) for role, points in bench.axes.items())
         mount = Mount("", self.mount.angle, self.mount.roll, self.mount.clock)
-        return abs(_input_g(turns, bench.fixture.x, bench.fixture.z, mount, entry.mount_angle)) > SURE_INPUT_G
+        own_deg = entry.mount_angle, entry.clock
+        return abs(_input_g(turns, bench.fixture.x, bench.fixture.z, mount, own_deg)) > SURE_INPUT_G
 
 
 @lru_cache(maxsize=64)
-def _input_g(turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float) -> float:
+def _input_g(
+    turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float]
+) -> float:
     """Gravity along the input axis, cached because it is queried repeatedly while a table is at rest."""
     return float(turned_axes(turns, x, z, mount, own_deg)[0, 2])

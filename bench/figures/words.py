@@ -9,7 +9,7 @@ from bench.config.answers import SCRIPTED
 from bench.figures.languages import tr
 from bench.figures.numbers import scale_shown
 from bench.metrology.results.finding import LOWER_BOUND, Finding
-from bench.metrology.results.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_UNKNOWN, Limits
+from bench.metrology.results.limits import GUARD_BANDS_MEET, IN_GUARD_BAND, U_TOO_LARGE, U_UNKNOWN, Limits
 from bench.metrology.unlike_nominal import OTHER_SIGN, OTHER_SIZE
 from bench.sequence.method import MethodWords, texts_of
 from bench.sequence.steps.talk import DONE
@@ -25,14 +25,20 @@ ENDINGS = {
     ),
     "running": "It was still going on when this report was written.",
 }
-QUANTITIES = {"K1": "K1 per local g", "K1_si": "K1 per m/s²", "K2": "K2 + asymmetry"}
+QUANTITIES = {
+    "K1": "K1 per local g",
+    "K1_si": "K1 per m/s²",
+    "K2": "K2 + asymmetry",
+    "misalignment_y": "misalignment towards Y",
+}
 _NAMES = MethodWords("NAMES", {})  # parts of a quantity
 REASONS = MethodWords(
     "REASONS",
     {
         IN_GUARD_BAND: "inside its limits, but within their guard band",
         GUARD_BANDS_MEET: "its uncertainty is so large that no value could pass the guard band",
-        U_UNKNOWN: "its uncertainty is not known, and the guard band needs it",
+        U_UNKNOWN: "its uncertainty is not known, and its limits need it",
+        U_TOO_LARGE: "its standard uncertainty is above the limit u_max: a problem of the bench, not of the unit",
         LOWER_BOUND: "it is more than this; the upper end was not measured",
         "not_closed": "the unit or its table changed between the beginning and the end of the run",
         OTHER_SIGN: "its sign is not that of the stated scale factor: the unit is mounted the wrong way round, its "
@@ -133,13 +139,20 @@ def limits_in_words(quantity: str, unit: str, limits: Limits) -> str:
 
 
 def bands_in_words(quantity: str, unit: str, limits: Limits) -> str:
-    """Text of bands of limits: "guard band 2 u", "marginal within 50"; empty if there are none."""
+    """Text of bands of limits and of the largest u: "guard band 2 u", "marginal within 50", "u at most 20 ppm"."""
     factor, _ = scale_shown(quantity, unit)
     guard = "" if limits.guard_k is None else tr("guard band {k} u", k=f"{limits.guard_k:g}")
     marginal = (
         "" if limits.marginal is None else tr("marginal within {width}", width=f"{limits.marginal * factor:.12g}")
     )
-    return tr(", ").join(filter(None, (guard, marginal)))
+    return tr(", ").join(filter(None, (guard, marginal, u_max_in_words(limits.u_max, limits.u_max_relative, factor))))
+
+
+def u_max_in_words(u_max: float | None, relative: float | None, factor: float = 1.0) -> str:
+    """Text of the largest standard uncertainty, times `factor`; empty without one."""
+    if relative is not None:
+        return tr("u at most {ratio} ppm of the value", ratio=f"{relative * 1e6:.12g}")
+    return "" if u_max is None else tr("u at most {u_max}", u_max=f"{u_max * factor:.12g}")
 
 
 def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
@@ -148,7 +161,7 @@ def _levels_in_words(at: Mapping[str, Any]) -> Iterator[str]:
         yield at["run"]
     if "reference" in at:
         yield tr("against {reference}", reference=at["reference"])
-        yield tr(at["decision"])
+        yield tr(at.get("own_decision", at["decision"]))
 
 
 def _dwells_in_words(at: Mapping[str, Any], dwells: Mapping[str, int]) -> Iterator[str]:

@@ -221,7 +221,8 @@ class Acquisition:
     the chamber's set point at the end, `set_from_c` at the beginning, not-a-number before the first ramp. `counts` by
     channel, `voltages` by voltmeter, `currents` by ammeter, `codes` by channel of the telemetry. `temperatures_c` are
     the values of each named reading between `begin_s` and `end_s` of bench time, taken at `temperatures_at_s`. If
-    `input` is "source" the converter is fed by a current source; `sources_a` are the currents of those that are on, by
+    `input` is "source" the converter is fed by a current source, of an inertial unit that of its channel
+    `input_channel`; `sources_a` are the currents of those that are on, by
     their roles, corrected by their certificates, `sources_set_a` their uncorrected read-backs. An acquisition until
     stability is evaluated over its last `over_s`; `stable` are the places of the units that were stable. `turned` is a
     rotation over whole turns meanwhile. For methods that need only means, `windows` replace `counts`, so that a long
@@ -249,6 +250,7 @@ class Acquisition:
     turned: Turned | None = None
     windows: Mapping[str, Window] = field(default_factory=dict)
     input: str = "accelerometer"
+    input_channel: str = ""
     sources_a: Mapping[str, float] = field(default_factory=dict)
     sources_set_a: Mapping[str, float] = field(default_factory=dict)
     currents: Mapping[str, Currents] = field(default_factory=dict)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,29 +19,33 @@ from bench.metrology.bench_uncertainty import BenchRecord, Vector
 from bench.metrology.run_data import UnitUnderTest
 
 SOUTH = np.array([0.0, -1.0, 0.0])
+ELSEWHERE_DEG = 37.0  # from no position of a tumble to another
 IN_PLANE = 1e-6  # g along the output axis; a unit rotated in the plane of its input axis has none
 
 
 def unit_axes(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
     """Axes of a unit in the level frame, a row each: (3, 3), which rotates a level vector into the unit's frame."""
     turns = [(axis.points, acquisition.angles_deg.get(role, 0.0)) for role, axis in bench.axes.items()]
-    return turned_axes(turns, bench.x, bench.z, acquisition.mount, unit.mount_angle_deg, bench.level_deg)
+    own_deg = unit.mount_angle_deg, unit.clock_deg
+    return turned_axes(turns, bench.x, bench.z, acquisition.mount, own_deg, bench.level_deg)
 
 
 def turned_axes(
-    turns: Iterable[tuple[Vector, float]], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float = 0.0
-) -> Array:
+    turns: Iterable[tuple[Vector, float]], x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float],
+    level_deg: float = 0.0,
+) -> Array:  # fmt: skip
     """The same for any table: `turns` are directions and angles (°) of its axes, outer first.
 
-    `x` and `z` are directions of the fixture with all angles at 0; the unit is raised by `own_deg` in it.
+    `x` and `z` are directions of the fixture with all angles at 0; the unit is raised in it, and clocked, by `own_deg`.
     """
     return _turned_axes(tuple(turns), x, z, mount, own_deg, level_deg).copy()
 
 
 @lru_cache(maxsize=512)  # a table returns to the same angles again and again
 def _turned_axes(
-    turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: float, level_deg: float
-) -> Array:
+    turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float],
+    level_deg: float,
+) -> Array:  # fmt: skip
     turned = scipy.spatial.transform.Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
     for points, angle_deg in turns:
         turned *= scipy.spatial.transform.Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
@@ -55,18 +60,36 @@ def specific_force_g(acquisition: Acquisition, unit: UnitUnderTest, bench: Bench
 def elevation_rad(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> float:
     """Angle of the input axis above the horizontal, the pendulous axis being at a right angle to it, up to ±π.
 
-    The output axis is level; ValueError when it is not.
+    The output axis is level, or of a clocked unit the pendulous axis, with the output axis in its place; ValueError
+    when neither is.
     """
     along, across, pendulous = specific_force_g(acquisition, unit, bench).tolist()
-    if abs(across) > IN_PLANE:
-        raise ValueError(f"the output axis is not level: {across:.3g} g along it")
-    return math.atan2(along, pendulous)
+    if abs(across) <= IN_PLANE:
+        return math.atan2(along, pendulous)
+    if abs(pendulous) <= IN_PLANE:
+        return math.atan2(along, across)
+    raise ValueError(f"the output axis is not level: {across:.3g} g along it; nor is the pendulous axis")
+
+
+def is_clocked(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> bool:
+    """True for a unit rotated by 90° about its input axis: its pendulous axis, not the output axis, stays level.
+
+    With the input axis vertical both are level at any rotation; the table is thought to be turned on.
+    """
+    here = specific_force_g(acquisition, unit, bench)
+    role = next(iter(bench.axes), "")
+    turned = replace(acquisition, angles_deg={**acquisition.angles_deg, role: acquisition.angle_deg + ELSEWHERE_DEG})
+    there = specific_force_g(turned, unit, bench)
+    return bool(max(abs(here[2]), abs(there[2])) <= IN_PLANE < max(abs(here[1]), abs(there[1])))
 
 
 @lru_cache(maxsize=64)  # few mounts occur
-def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: float) -> Array:
-    """Axes of a unit in a level fixture with all angles at 0: raised by the mount, rolled, clocked, raised."""
-    steps = [("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", own_deg)]
+def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float]) -> Array:
+    """Axes of a unit in a level fixture at angles of 0: raised by the mount, rolled, clocked, then raised, clocked."""
+    raised_deg, clocked_deg = own_deg
+    steps = [
+        ("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", raised_deg), ("z", clocked_deg),
+    ]  # fmt: skip
     rotation = scipy.spatial.transform.Rotation
     turned = rotation.identity()
     for axis, angle_deg in steps:

@@ -21,6 +21,7 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 T = TypeVar("T")
 
 SOURCE = "power cycles: repeatability of the unit"
+OF_GYROS = ("D0", "KG", "gyro_", "g_sensitivity")  # quantities of the gyros of an inertial unit
 DEPENDS = 1e-6  # relative to the largest change of a result; smaller changes are rounding
 Reduce = Callable[[RunData, Mapping[str, Any]], Sequence[UnitResult]]
 Shifts = Mapping[str, Shift]
@@ -94,14 +95,17 @@ def _with_line(finding: Finding, changes: Mapping[int, float]) -> Finding:
 
 
 def _sensors(unit: UnitUnderTest, result: UnitResult, settings: Mapping[str, Any]) -> Iterator[_Sensor]:
-    """Sensors of a unit with a stated repeatability."""
+    """Sensors of a unit with a stated repeatability; gyros only if there are results of them."""
     stated = unit.power_cycles
     if stated is None:
         return
     accelerometer, gyro = (stated.bias_g, stated.scale), (stated.gyro_bias_dps, stated.gyro_scale)
     channels = unit.channels or {"acc" if stated.bias_g is not None else "gyro": unit.measured_by}
+    of_gyros = not unit.channels or any(finding.quantity.startswith(OF_GYROS) for finding in result.findings)
     for name, measured_by in channels.items():
         kind, _, axis = name.partition("_")
+        if kind == "gyro" and not of_gyros:
+            continue
         bias, scale = accelerometer if kind == "acc" else gyro
         per_input = _per_input(unit, result, settings, "K1" if kind == "acc" else "KG", axis)
         yield _Sensor(measured_by, bias or 0.0, scale or 0.0, per_input)

@@ -13,6 +13,8 @@ from bench.metrology.bench_uncertainty import BenchRecord, Vector
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.results.finding import Subject
 
+AXES = ("x", "y", "z")
+
 
 @dataclass(frozen=True, slots=True)
 class ReleasedCalibration:
@@ -50,7 +52,8 @@ class UnitUnderTest:
     nominal K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are
     the units of the outputs that it sends. `arm_m` is its position relative to the axis of rotation by the bench file,
     with its standard uncertainty. `supply` is the supply that powers it, "" for none; `released` is the released
-    calibration given to the run. `power_cycles` is its repeatability over power cycles.
+    calibration given to the run. `power_cycles` is its repeatability over power cycles. `sensor` is acc_x, acc_y or
+    acc_z if it stands for one channel of an inertial unit.
     """
 
     place: str
@@ -73,8 +76,34 @@ class UnitUnderTest:
     telemetry: str | None = None
     sent_unit: str = "code"
     channel_units: Mapping[str, str] = field(default_factory=dict)
+    clock_deg: float = 0.0
     ammeter: str = ""
     power_cycles: PowerCycles | None = None
+    sensor: str = ""
+
+    @property
+    def accelerometers(self) -> tuple[UnitUnderTest, ...]:
+        """Accelerometer channels of an inertial unit, each as a unit with one channel; any other unit itself."""
+        if not self.channels:
+            return (self,)
+        return tuple(self._alone(f"acc_{axis}") for axis in AXES)
+
+    def _alone(self, sensor: str) -> UnitUnderTest:
+        sent = self.channel_units.get(sensor)
+        return replace(
+            self, sensor=sensor, channels={}, channel_units={}, channel="" if sent else self.channels[sensor],
+            telemetry=self.channels[sensor] if sent else None, sent_unit=sent or self.sent_unit,
+        )  # fmt: skip
+
+    @property
+    def axis(self) -> str:
+        """Axis of the inertial unit that it is a channel of, x, y or z; "" for a unit of its own."""
+        return self.sensor.removeprefix("acc_")
+
+    @property
+    def row(self) -> int:
+        """Row of its input axis among the axes of the unit: 0, or that of its axis in an inertial unit."""
+        return AXES.index(self.axis) if self.sensor else 0
 
     @property
     def measured_by(self) -> str:
@@ -121,8 +150,9 @@ class RunData:
     span_s: tuple[float, float] = (0.0, 0.0)
 
     def subject(self, unit: UnitUnderTest) -> Subject:
-        """Subject of the findings of a unit."""
-        return Subject(self.label, unit.place, unit.serial)
+        """Subject of the findings of a unit, or of a channel of an inertial unit."""
+        whole = Subject(self.label, unit.place, unit.serial)
+        return whole.part(unit.axis) if unit.sensor else whole
 
     def run_share(self, at_s: Array) -> Array:
         """Position of bench times (n,) in the run: from -½ at its beginning to ½ at its end.

@@ -22,7 +22,8 @@ SCATTER = "readings: scatter"
 SELECTION = "readings: scatter makes the span of many larger"
 NAMES = {
     "tilt/uncompensated": "span that it indicates over the temperatures, held level, with a constant bias",
-    "tilt/compensated": "the same with the model of the bias over temperature",
+    "tilt/compensated": "the same with the model of the bias over temperature, fitted to the same data (in sample)",
+    "tilt/verified": "span that it indicates over the temperatures, held level, with the calibration of an earlier run",
 }
 
 
@@ -50,14 +51,18 @@ def tilt_findings(bias_g: Array, modelled_g: Array, origin: TiltOrigin) -> Itera
     for quantity, left_g in (
         ("tilt/uncompensated", bias_g - np.mean(bias_g)), ("tilt/compensated", bias_g - modelled_g),
     ):  # fmt: skip
-        span_deg = float(np.ptp(indicated_deg(left_g)))
-        if not np.isfinite(span_deg):
-            return
-        contained = origin.contained if quantity == "tilt/compensated" else ""
-        yield origin.subject.finding(
-            quantity, NAMES[quantity], span_deg, "°", _lines(left_g, span_deg, origin, contained), {}, origin.steps,
-            interval=interval_of_span(left_g, origin.sd_g).times(float(np.degrees(1.0))),
-        )  # fmt: skip
+        yield from span_finding(quantity, left_g, origin, origin.contained if quantity == "tilt/compensated" else "")
+
+
+def span_finding(quantity: str, left_g: Array, origin: TiltOrigin, contained: str = "") -> Iterator[Finding]:
+    """Span of the tilt indicated with biases (n,) left by a model; none for fewer than two, or beyond ±90°."""
+    span_deg = float(np.ptp(indicated_deg(left_g))) if len(left_g) > 1 else np.nan
+    if not np.isfinite(span_deg):
+        return
+    yield origin.subject.finding(
+        quantity, NAMES[quantity], span_deg, "°", _lines(left_g, span_deg, origin, contained), {}, origin.steps,
+        interval=interval_of_span(left_g, origin.sd_g).times(float(np.degrees(1.0))),
+    )  # fmt: skip
 
 
 def _lines(left_g: Array, span_deg: float, origin: TiltOrigin, contained: str) -> Sequence[BudgetLine]:

@@ -1,167 +1,233 @@
-"""Velocity from counts: the integral of a channel's specific force, compensated for temperature (equations 2.5).
+"""Specific force and velocity from the counts of calibrated channels, compensated for temperature (equations 2.5, 4.5).
 
-At a specific force a the channel gives D = D_ref (1 + α ΔT) + β ΔT with D_ref = K1 (a + K0) and ΔT = T - Tref. The two
-drifts are those of item 7, and each alone is one of the shared models: α = κ, β = 0 on the basis "normalised"; α = 0,
-β = k on the basis "raw", or with the k of a level of its own. So a = [(D - β ΔT) / (1 + α ΔT)] / K1 - K0, and velocity
-is g times its integral over time. The integral of D is the count itself: no rate is sampled.
+The net pulses between two readings, over the time between them, are the mean output of that interval: no rate is
+sampled, and a fraction of a pulse that one interval lacks is in the next. So quantisation is in a velocity twice, at
+the first reading and at the last. A converter with one charge integrator fires a pulse when its charge is a whole one
+away from the last: what it holds has the sign of its last pulse, half of one in the mean. Errors of the calibration are
+the same throughout a record: their effects on the specific force are integrated with their signs, and only then
+squared.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bench.metrology.calibration.force_terms import ForceTerms
+from bench.metrology.calibration.temperature import Beyond, Compensation, Curve, values_of
 from bench.metrology.least_squares import Array
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
+from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
+
+ROUNDS = 6  # each iteration reduces the error by a factor of the size of cross-coupling and nonlinearity, some 1e-3
+PER_ROOT_2 = 0.5**0.5  # a one-sided density N gives a mean over t a standard deviation of N / sqrt(2 t)
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelModel:
-    """An accelerometer channel over temperature: its calibration at `reference_c` and its drift from there.
+class CountRecord:
+    """Readings of counters and thermometer at increasing times, (n,) each.
 
-    `covariance` (4, 4) is that of `scale_pps_per_g` (K1), `bias_g` (K0), `scale_drift_per_c` (α) and
-    `offset_drift_pps_per_c` (β), in this order.
-    """
-
-    reference_c: float
-    scale_pps_per_g: float
-    bias_g: float
-    scale_drift_per_c: float
-    offset_drift_pps_per_c: float
-    covariance: Array
-
-    def without_drift(self) -> ChannelModel:
-        """The channel without compensation: at all temperatures as calibrated at one."""
-        kept = np.diag([1.0, 1.0, 0.0, 0.0])
-        covariance = kept @ self.covariance @ kept
-        return replace(self, scale_drift_per_c=0.0, offset_drift_pps_per_c=0.0, covariance=covariance)
-
-
-@dataclass(frozen=True, slots=True)
-class VelocityRecord:
-    """Counts and temperatures of one run in the order of time, on one clock, without gaps or missing numbers.
-
-    `net_pulses` (n,) are cumulative, positive less negative, at `time_s` (n,) of the counter; wraps are undone.
-    `temperature_c` (m,) of the converter at `temperature_time_s` (m,) is linear between readings and constant beyond.
+    `net_pulses` (n - 1,) of each channel are those between two readings, positive less negative, NaN if unknown.
+    Between two readings the temperature is their mean.
     """
 
     time_s: Array
-    net_pulses: Array
-    temperature_time_s: Array
     temperature_c: Array
+    net_pulses: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Gravity:
+    """Local gravity of a calibration, its unit of specific force, and the standard uncertainty."""
+
+    mps2: float
+    u_mps2: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SpecificForce:
+    """Mean specific force (m,) in g along the axis of a channel in each interval between two readings.
+
+    `errors` are the effects of one standard uncertainty of each independent error of the calibration on it, (m,) each.
+    `count_g` (m,) is the specific force of one pulse in the interval, `outside` (m,) masks temperatures out of range.
+    """
+
+    force_g: Array
+    errors: tuple[Array, ...]
+    count_g: Array
+    seconds: Array
+    outside: NDArray[np.bool_]
+
+    def u_g(self, noise_g: float = 0.0) -> Array:
+        """Standard uncertainty (m,) of each value; `noise_g` is the density of white noise in g/√Hz."""
+        squares = (RESOLUTION_COUNTS * self.count_g) ** 2 + (PER_ROOT_2 * noise_g) ** 2 / self.seconds
+        for error in self.errors:
+            squares += error**2
+        return np.sqrt(squares)
+
+    def u_mps2(self, gravity: Gravity, noise_g: float = 0.0) -> Array:
+        """The same in m/s²."""
+        return np.hypot(gravity.mps2 * self.u_g(noise_g), gravity.u_mps2 * self.force_g)
 
 
 @dataclass(frozen=True, slots=True)
 class Velocity:
-    """Velocity (n,) in m/s since the first of the times (n,), and the mean specific force in g between them (n - 1,).
+    """Integral (n,) in m/s of the specific force from the first reading to each, and its standard uncertainties (n,).
 
-    `u_model_mps` (n,) is from the model: one error throughout, growing with time. `u_count_mps` (n,) is from the
-    fractions of a pulse at the first time and at this one: it does not grow. The sensor's noise is in neither.
+    `u_model_mps` is due to the calibration and gravity, `u_count_mps` to the fractions of a pulse at both ends,
+    `u_noise_mps` to white noise.
     """
 
-    time_s: Array
     velocity_mps: Array
-    force_g: Array
     u_model_mps: Array
     u_count_mps: Array
+    u_noise_mps: Array
 
     @property
     def u_mps(self) -> Array:
         """Combined standard uncertainty (n,)."""
-        return np.hypot(self.u_model_mps, self.u_count_mps)
+        return np.sqrt(self.u_model_mps**2 + self.u_count_mps**2 + self.u_noise_mps**2)
 
 
-def integrate(record: VelocityRecord, model: ChannelModel, gravity_mps2: float) -> Velocity:
-    """Integrate one run to the compensated velocity.
+def specific_forces(
+    record: CountRecord, channels: Mapping[str, Compensation], beyond: Beyond = "hold"
+) -> dict[str, SpecificForce]:
+    """Specific force along the axes of `channels`, whose compensations have force terms.
 
-    The pulses between two counts are assumed evenly distributed, which matters only for the temperature change there.
+    `channels` contains the channels of their cross-coupling, and `record` all of them.
     """
-    elapsed_s = record.time_s - record.time_s[0]
-    k1, beta = model.scale_pps_per_g, model.offset_drift_pps_per_c
-    drift = _drift_integrals(record, model)
-    referred_pulses = _counted(record, drift.gain) - beta * drift.away
-    velocity_gs = referred_pulses / k1 - model.bias_g * elapsed_s
-    derivatives_gs = np.stack([
-        -referred_pulses / k1**2,
-        -elapsed_s,
-        (beta * drift.away_squared - _counted(record, drift.away_gain)) / k1,
-        -drift.away / k1,
-    ])  # fmt: skip
-    variance = np.einsum("in,ij,jn->n", derivatives_gs, model.covariance, derivatives_gs)
-    counted = np.where(elapsed_s > 0, RESOLUTION_COUNTS, 0.0)
+    seconds = np.diff(record.time_s)
+    between_c = (record.temperature_c[1:] + record.temperature_c[:-1]) / 2
+    axes = {
+        name: _Axis.of(known, _charge(record.net_pulses[name]) / seconds, between_c, beyond)
+        for name, known in channels.items()
+    }
+    forces = {name: axis.uncoupled_g for name, axis in axes.items()}
+    for _ in range(ROUNDS):
+        forces = {name: axis.force_g(forces[name], forces) for name, axis in axes.items()}
+    return {
+        name: SpecificForce(
+            force_g=forces[name],
+            errors=tuple(axis.errors(forces[name], forces)),
+            count_g=1 / np.abs(axis.scale) / seconds,
+            seconds=seconds,
+            outside=axis.outside,
+        )
+        for name, axis in axes.items()
+    }
+
+
+def integrate(force: SpecificForce, gravity: Gravity, noise_g: float = 0.0) -> Velocity:
+    """Integrate a specific force to velocity; `noise_g` is the density of white noise in g/√Hz."""
+    velocity_gs = _integral(force.force_g, force.seconds)
+    squares = (gravity.u_mps2 / gravity.mps2 * velocity_gs) ** 2
+    for error in force.errors:
+        squares += _integral(error, force.seconds) ** 2
+    elapsed_s = _integral(np.ones_like(force.seconds), force.seconds)
+    counted = RESOLUTION_COUNTS * force.count_g * force.seconds
     return Velocity(
-        time_s=record.time_s,
-        velocity_mps=gravity_mps2 * velocity_gs,
-        force_g=np.diff(velocity_gs) / np.diff(elapsed_s),
-        u_model_mps=gravity_mps2 * np.sqrt(np.maximum(variance, 0.0)),
-        u_count_mps=gravity_mps2 * counted / abs(k1),
+        velocity_mps=gravity.mps2 * velocity_gs,
+        u_model_mps=gravity.mps2 * np.sqrt(squares),
+        u_count_mps=gravity.mps2 * np.concatenate(([0.0], counted)),
+        u_noise_mps=gravity.mps2 * PER_ROOT_2 * noise_g * np.sqrt(elapsed_s),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class VelocityError:
-    """Largest error of velocity in a run, with its sign, its standard uncertainty, and its time."""
+def _charge(net_pulses: Array) -> Array:
+    """Charge (m,) of intervals in pulses: that of the pulses, and half a pulse with the sign of the last at each end.
 
-    error_mps: float
-    u_mps: float
-    time_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class VelocityComparison:
-    """Effect of compensation on the velocity of one run: largest error without and with it."""
-
-    raw: VelocityError
-    compensated: VelocityError
+    An interval without pulses has the sign of the one before it.
+    """
+    sign = np.sign(net_pulses)
+    fired = np.flatnonzero(np.abs(sign) == 1)
+    if not len(fired):
+        return net_pulses
+    last = np.searchsorted(fired, np.arange(len(sign)), side="right") - 1
+    at_end = sign[fired[np.maximum(last, 0)]]
+    return np.asarray(net_pulses + np.diff(at_end, prepend=at_end[0]) / 2)
 
 
-def compare_velocity(
-    record: VelocityRecord, model: ChannelModel, *, force_g: float, gravity_mps2: float
-) -> VelocityComparison:
-    """Integrate a run under a constant, known specific force with and without the model's drift."""
-
-    def error(used: ChannelModel) -> VelocityError:
-        found = integrate(record, used, gravity_mps2)
-        away_mps = found.velocity_mps - gravity_mps2 * force_g * (found.time_s - found.time_s[0])
-        worst = int(np.argmax(np.abs(away_mps)))
-        return VelocityError(float(away_mps[worst]), float(found.u_mps[worst]), float(found.time_s[worst]))
-
-    return VelocityComparison(raw=error(model.without_drift()), compensated=error(model))
+def _integral(values: Array, seconds: Array) -> Array:
+    """Integral (m + 1,) of values that are constant in each interval (m,)."""
+    return np.concatenate(([0.0], np.cumsum(values * seconds)))
 
 
 @dataclass(frozen=True, slots=True)
-class _DriftIntegrals:
-    """Integrals from the first to each time of the counter (n,), in s and °C, with w = 1 / (1 + α ΔT)."""
+class _Axis:
+    """One channel with its curves at the temperature of each interval (m,).
 
-    gain: Array  # of w
-    away: Array  # of ΔT w
-    away_gain: Array  # of ΔT w²
-    away_squared: Array  # of ΔT² w²
+    `raw` is (output - offset) / scale, `uncoupled_g` is that less the bias.
+    """
+
+    known: Compensation
+    terms: ForceTerms
+    held_c: Array
+    outside: NDArray[np.bool_]
+    scale: Array
+    raw: Array
+    uncoupled_g: Array
+
+    @classmethod
+    def of(cls, known: Compensation, output: Array, temperature_c: Array, beyond: Beyond) -> _Axis:
+        """The axis of a channel with these mean outputs at these temperatures (m,). Raises ValueError without terms."""
+        if known.force is None:
+            raise ValueError(f"{known.channel} has no force terms")
+        held_c, outside = known.held(temperature_c, beyond)
+        scale = values_of(known.scale, held_c)
+        offset, bias = (0.0 if each is None else values_of(each, held_c) for each in (known.offset, known.bias))
+        raw = (output - offset) / scale
+        return cls(known, known.force, held_c, outside, scale, raw, raw - bias)
+
+    def force_g(self, own_g: Array, forces: Mapping[str, Array]) -> Array:
+        """Next approximation from the last one of this axis and of all axes."""
+        found = self.uncoupled_g - self.terms.quadratic.value * (own_g**2 - 1)
+        for channel, cross in self.terms.cross.items():
+            found = found - cross.value * forces[channel]
+        return found
+
+    def errors(self, own_g: Array, forces: Mapping[str, Array]) -> Iterator[Array]:
+        """Effect of one standard uncertainty of each independent error on the specific force, (m,) each."""
+        curves = self._curve_errors()
+        quadratic = [(1 - own_g**2) * (self.terms.quadratic.u or 0.0)]
+        if self.terms.correlation:
+            yield from _independent([*curves, *quadratic], self.terms.correlation)
+        else:
+            yield from (each for each in (*curves, *quadratic) if each.any())
+        for channel, cross in self.terms.cross.items():
+            yield -(cross.u or 0.0) * forces[channel]
+        if self.terms.bias_u_g:
+            yield np.full_like(own_g, self.terms.bias_u_g)
+        if self.terms.scale_u:
+            yield self.terms.scale_u * self.raw
+
+    def _curve_errors(self) -> list[Array]:
+        """Effect of one standard uncertainty of each coefficient of scale, offset and bias, (m,) each."""
+        gains = (
+            (self.known.scale, -self.raw / self.scale),
+            (self.known.offset, -1 / self.scale),
+            (self.known.bias, -1.0),
+        )
+        return [gain * each for curve, gain in gains if curve is not None for each in _uncertain(curve, self.held_c)]
 
 
-def _drift_integrals(record: VelocityRecord, model: ChannelModel) -> _DriftIntegrals:
-    """Integrals by Simpson's rule on each linear piece of the temperature; the error is of the order (α ΔT)⁴."""
-    inner = (record.temperature_time_s > record.time_s[0]) & (record.temperature_time_s < record.time_s[-1])
-    corners_s = np.union1d(record.time_s, record.temperature_time_s[inner])
-    away_c = np.interp(corners_s, record.temperature_time_s, record.temperature_c) - model.reference_c
-    nodes_c = np.stack([away_c[:-1], (away_c[:-1] + away_c[1:]) / 2, away_c[1:]])
-    weights = np.array([1.0, 4.0, 1.0]) / 6
-    at = np.searchsorted(corners_s, record.time_s)
-
-    def integral(values: Array) -> Array:
-        return np.asarray(np.concatenate(([0.0], np.cumsum(weights @ values * np.diff(corners_s))))[at])
-
-    gain = 1 / (1 + model.scale_drift_per_c * nodes_c)
-    return _DriftIntegrals(
-        gain=integral(gain),
-        away=integral(nodes_c * gain),
-        away_gain=integral(nodes_c * gain**2),
-        away_squared=integral((nodes_c * gain) ** 2),
-    )
+def _uncertain(curve: Curve, temperature_c: Array) -> list[Array]:
+    """Effect of one standard uncertainty of each coefficient of a curve on its values (m,); knots have one error."""
+    match curve:
+        case TemperatureModel():
+            part = (temperature_c - curve.centre) / curve.scale
+            return [u * part**power for power, u in enumerate(curve.u or (0.0,) * len(curve.coefficients))]
+        case KnotModel():
+            return [np.interp(temperature_c, curve.knots_c, curve.u)]
+        case Constant():
+            return [np.full_like(temperature_c, curve.u or 0.0)]
 
 
-def _counted(record: VelocityRecord, integral: Array) -> Array:
-    """Pulses up to each time, those of an interval times the mean there of the integrand of `integral`."""
-    mean = np.diff(integral) / np.diff(record.time_s)
-    return np.concatenate(([0.0], np.cumsum(np.diff(record.net_pulses) * mean)))
+def _independent(errors: Sequence[Array], correlation: Sequence[Sequence[float]]) -> Iterator[Array]:
+    """Errors (m,) with a correlation matrix, as a sum of independent ones."""
+    sizes, vectors = np.linalg.eigh(np.array(correlation))
+    for size, vector in zip(sizes.tolist(), vectors.T.tolist(), strict=True):
+        parts = [factor * np.sqrt(max(size, 0.0)) * error for factor, error in zip(vector, errors, strict=True)]
+        yield np.asarray(sum(parts[1:], parts[0]))

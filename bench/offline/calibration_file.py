@@ -8,37 +8,32 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field
 
 from bench.config.models import BenchFile
 from bench.errors import InputError, StoreError
 from bench.files import content_hash
-from bench.metrology.calibration.linearity import RELATIVE, Linearity
 from bench.metrology.calibration.response import ResponseCompensation
-from bench.metrology.calibration.second_order import NAMES
 from bench.metrology.calibration.temperature import Beyond, Compensation
 from bench.metrology.least_squares import Array
-from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import ReleasedCalibration
+from bench.offline.calibration_form import ChannelForm, Known
 from bench.offline.case_file import Tolerant, read_json, validated
 from bench.offline.csv_record import Table, read_table
 from bench.store.runs import SEAL
 from bench.store.seal import file_hash, read_seal
 from drivers.schema.suggest import did_you_mean
-from drivers.schema.wording import telling
 
 SCHEMA, DIGEST = "itb-calibration/1", "digest"
 LIMIT_BYTES = 2**24
-SAME_CURVE = 1e-9  # of the sum of the magnitudes of its terms
 CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
 ADDED = ("value", "extrapolated")
 ADDED_PHASE = "value_phase_deg"
-Known = Compensation | ResponseCompensation
 
 
 def calibration_files(
@@ -74,102 +69,6 @@ def _digest_of(content: Mapping[str, Any]) -> str:
     return content_hash(text.encode())
 
 
-class _Polynomial(Tolerant):
-    unit: str
-    centre: float
-    scale: float = Field(gt=0)
-    coefficients: tuple[float, ...] = Field(min_length=1)
-    valid_c: tuple[float, float]
-    powers_of_t: tuple[float, ...] | None = Field(None, alias="powers_of_T")
-
-    @model_validator(mode="after")
-    def _is_one_curve(self) -> Self:
-        """Check that both forms of a curve in the file agree; an edited one was not measured."""
-        if not self.powers_of_t:
-            return self
-        at_c = np.linspace(self.centre - self.scale, self.centre + self.scale, 1 + len(self.coefficients))
-        powers = np.polynomial.polynomial.polyval(at_c, self.powers_of_t)
-        curve = np.polynomial.polynomial.polyval((at_c - self.centre) / self.scale, self.coefficients)
-        size = np.abs(self.powers_of_t) @ np.max(np.abs(at_c)) ** np.arange(len(self.powers_of_t))
-        if not np.allclose(powers, curve, rtol=0, atol=SAME_CURVE * size):
-            raise telling("coefficients and powers_of_T are not the same curve: the file was edited")
-        return self
-
-    def curve(self) -> TemperatureModel:
-        return TemperatureModel("", "", "", self.unit, self.centre, self.scale, self.coefficients, valid_c=self.valid_c)
-
-
-class _Knots(Tolerant):
-    unit: str
-    knots_c: tuple[float, ...] = Field(min_length=1)
-    values: tuple[float, ...] = Field(min_length=1)
-
-    def curve(self) -> KnotModel:
-        return KnotModel("", "", "", self.unit, self.knots_c, self.values, ())
-
-
-class _Constant(Tolerant):
-    unit: str
-    value: float
-
-    def curve(self) -> Constant:
-        return Constant(self.value, self.unit)
-
-
-def _kind(raw: Any) -> str:
-    """Kind of a curve, by a key that only this kind has."""
-    keys = {"coefficients": "polynomial", "knots_c": "knots"} if isinstance(raw, dict) else {}
-    return next((kind for key, kind in keys.items() if key in raw), "constant")
-
-
-_Curve = Annotated[
-    Annotated[_Polynomial, Tag("polynomial")] | Annotated[_Knots, Tag("knots")] | Annotated[_Constant, Tag("constant")],
-    Discriminator(_kind),
-]
-
-
-class _Linearity(Tolerant):
-    full_scale: float = Field(gt=0)
-    scale_error: _Constant | None = None
-    asymmetry: _Constant | None = None
-    quadratic: _Constant | None = None
-    cubic: _Constant | None = None
-    valid: tuple[float, float]
-
-    def linearity(self) -> Linearity:
-        given = {name: each.value for name in RELATIVE if (each := getattr(self, name)) is not None}
-        return Linearity(given, {}, (), self.full_scale, self.valid)
-
-
-class _Response(Tolerant):
-    K: _Constant
-    f0: _Constant
-    damping: _Constant
-    delay: _Constant
-    valid_hz: tuple[float, float]
-
-
-class _Channel(Tolerant):
-    channel: str
-    output: str
-    value: str
-    scale: _Curve
-    offset: _Curve | None = None
-    bias: _Curve | None = None
-    linearity: _Linearity | None = None
-    response: _Response | None = None
-
-    def compensation(self) -> Known:
-        scale = self.scale.curve()
-        if self.response is not None and isinstance(scale, Constant):
-            constants = {name: getattr(self.response, name).curve() for name in NAMES}
-            valid_hz = self.response.valid_hz
-            return ResponseCompensation(self.channel, self.output, self.value, scale, constants, valid_hz)
-        offset, bias = (None if each is None else each.curve() for each in (self.offset, self.bias))
-        linearity = None if self.linearity is None else self.linearity.linearity()
-        return Compensation(self.channel, self.output, self.value, scale, offset, bias, linearity)
-
-
 class CalibrationFile(Tolerant):
     """A calibration file as read, without its entries for people."""
 
@@ -180,7 +79,7 @@ class CalibrationFile(Tolerant):
     run: str = ""
     gravity_mps2: float = math.nan
     u_gravity_mps2: float = 0.0
-    channels: Annotated[tuple[_Channel, ...], Field(min_length=1)]
+    channels: Annotated[tuple[ChannelForm, ...], Field(min_length=1)]
 
     @property
     def warnings(self) -> list[str]:
@@ -260,7 +159,9 @@ def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[A
         table.numbers(name) if name in table.columns else np.full(len(output), np.nan)
         for name in (TEMPERATURE, FREQUENCY, PHASE)
     )
-    alone = next(iter(known)) if len(known) == 1 else ""
+    # A channel of M0 has an entry in g beside its rates: a row without a channel is then of its only rate.
+    referred = [name for name, each in known.items() if each.output_unit == each.value_unit] or [*known]
+    alone = referred[0] if len(referred) == 1 else ""
     names = np.array([name.strip() or alone for name in table.columns[CHANNEL]], dtype=np.str_)
     value, phase = np.full(len(output), np.nan), np.full(len(output), np.nan)
     outside = np.zeros(len(output), dtype=np.bool_)

@@ -54,7 +54,7 @@ class Table:
         try:
             return np.array([_number(text) for text in self.columns[column]], dtype=np.float64)
         except ValueError:
-            row = next(i for i, text in enumerate(self.columns[column]) if not _is_number(text))
+            row = next(i for i, text in enumerate(self.columns[column]) if not is_number(text))
             self._refuse(column, row, "a number")
 
     def whole_numbers(self, column: str) -> NDArray[np.float64]:
@@ -90,7 +90,7 @@ class Table:
         text = self.columns[column][row]
         raise InputError(
             f"{self.file}: line {self._line(row)}, column {column}: '{text[:40]}' is not {expected}; "
-            f"{_advice(text[:40].strip())}"
+            f"{advice(text[:40].strip())}"
         )
 
     def _line(self, row: int) -> int:
@@ -131,7 +131,7 @@ def _problem_of_header(header: Sequence[str], needed: Sequence[str], absent: Col
     wanted = ", ".join(needed)
     if not header:
         return f"is empty; expected a line with the names of the columns, {wanted}, and the rows below it"
-    if all(map(_is_number, header)):
+    if all(map(is_number, header)):
         return f"line 1: has only numbers; put a line with the names of the columns above it: {wanted}"
     for name in needed:
         if header.count(name) > 1:
@@ -145,12 +145,12 @@ def _problem_of_header(header: Sequence[str], needed: Sequence[str], absent: Col
     return f"line 1: column '{slips[0][0]}': write '{slips[0][1]}'" if slips else ""
 
 
-def _advice(text: str) -> str:
+def advice(text: str) -> str:
     """Advice on a text that is not a number, as written by a spreadsheet or a person."""
     if comma := re.fullmatch(r"([+-]?[0-9]*),([0-9]+)", text):
         return f"write {comma[1]}.{comma[2]}"
     plain = text.translate(MINUS_SIGNS).lstrip("'")
-    if plain != text and _is_number(plain):
+    if plain != text and is_number(plain):
         return f"write {plain}"
     if measured := UNIT_BEHIND.fullmatch(plain):
         return f"write the number alone, {measured[1]}, in the unit of the column"
@@ -213,7 +213,8 @@ def _number(text: str) -> float:
     return float(text.strip() or "nan")
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """True for the text of a number, or a blank."""
     try:
         _number(text)
     except ValueError:

@@ -113,6 +113,7 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         serial=serial,
         channel=entry.channel,
         mount_angle_deg=entry.mount_angle,
+        clock_deg=entry.clock,
         temperature=entry.temperature,
         until_s=until_s,
         voltmeter=entry.voltmeter,
@@ -142,6 +143,7 @@ class _BenchState:
     set_c: float
     set_from_c: float = math.nan
     input: str = "accelerometer"
+    input_channel: str = ""
     sources_a: Mapping[str, float] = field(default_factory=dict)
     motion: Motion | None = None
     on_since_s: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -159,7 +161,9 @@ class _BenchState:
             now = now.moved(data["angles_deg"], data.get("came_from", {}))
         if "mount" in data:
             now = replace(now, mount=mount_of(bench, data["mount"]))
-        now = replace(now, input=data.get("input", now.input), sources_a=sources_on(now.sources_a, data))
+        if "input" in data:
+            now = replace(now, input=data["input"], input_channel=data.get("input_channel", ""))
+        now = replace(now, sources_a=sources_on(now.sources_a, data))
         now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
         return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
 

@@ -19,7 +19,7 @@ from bench.reduce.gaps import MissedIn
 from bench.reduce.journal import JournalRecords, verdicts_of
 from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.method import known_methods
-from bench.sequence.steps.limits import limits_in
+from bench.sequence.steps.limits import limits_in, value_or_ratio
 from drivers.installed import loaded
 
 SCHEMA = "itb-results/1"
@@ -103,6 +103,7 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
     findings = [
         finding.judged(limits[finding.quantity]) if finding.quantity in limits else finding for finding in unit.findings
     ]
+    findings = [_with_drift(each, entry) if each.quantity in entry.monthly_drift else each for each in findings]
     undetermined = [name for name in limits if name not in {finding.quantity for finding in findings}]
     flags = [Flag("not_determined", of=name) for name in undetermined if unit.dropped is None]
     return dataclasses.replace(
@@ -111,6 +112,12 @@ def _judged(unit: UnitResult, entry: ResultEntry, quantities: Mapping[str, str])
         left_out=(*unit.left_out, *undetermined),
         flags=(*unit.flags, *flags),
     )
+
+
+def _with_drift(finding: Finding, entry: ResultEntry) -> Finding:
+    """The finding with the specified drift of its quantity."""
+    value, ratio = value_or_ratio(finding.unit, entry.monthly_drift[finding.quantity])
+    return dataclasses.replace(finding, monthly_drift=abs(finding.value) * (ratio or 0.0) if value is None else value)
 
 
 def _verdict(
@@ -158,6 +165,8 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "interval": None if finding.interval is None else dataclasses.asdict(finding.interval),
         "limits": sides or None,
         "guard": limits.guard_k,
+        "u_max": limits.u_allowed(finding.value),
+        "monthly_drift": finding.monthly_drift,
         "verdict": finding.verdict,
         "marginal": finding.marginal,
         "flags": list(finding.flags),

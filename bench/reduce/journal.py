@@ -44,13 +44,20 @@ class Measurement:
         """Text of its limits; empty without them."""
         if self.limits is None:
             return ""
-        low, high = (None if (limit := self.limits.get(side)) is None else f"{limit:.6g}" for side in ("min", "max"))
+        low, high, u_max = (
+            None if (limit := self.limits.get(side)) is None else f"{limit:.6g}" for side in ("min", "max", "u_max")
+        )
         if low is None:
-            sides = tr("at most {high}", high=high)
+            sides = "" if high is None else tr("at most {high}", high=high)
         else:
             sides = tr("at least {low}", low=low) if high is None else tr("{low} to {high}", low=low, high=high)
         guard = self.limits.get("guard")
-        return f"{sides} {self.unit}" + (f"{tr(', ')}{tr('guard band {k} u', k=f'{guard:g}')}" if guard else "")
+        texts = (
+            f"{sides} {self.unit}" if sides else "",
+            tr("guard band {k} u", k=f"{guard:g}") if guard else "",
+            "" if u_max is None else f"{tr('u at most {u_max}', u_max=u_max)} {self.unit}",
+        )
+        return tr(", ").join(filter(None, texts))
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,9 @@ from bench.reduce.corrections import correction_lines
 from bench.reduce.evaluate import Results, evaluate
 from bench.reduce.gaps import MissedIn, missed_in_run
 from bench.reduce.journal import JournalRecords, journal_records
-from bench.sequence.load import load_kept_sequence
+from bench.sequence.load import load_sequence
 from bench.sequence.method import CountsAt, known_methods
+from bench.sequence.plan.result_settings import as_chosen
 from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import RunReader
@@ -45,7 +46,8 @@ class StoredRun:
         self.folder, self.manifest, self.reader = folder, manifest, reader
         self.record = record
         self.bench = load_kept_bench(folder / BENCH_COPY)
-        self.document, self.sequence = load_kept_sequence(folder / SEQUENCE_COPY, manifest["parameters"])
+        self.document, as_kept = load_sequence(folder / SEQUENCE_COPY)
+        self.sequence = as_chosen(as_kept, manifest.get("parameters", {}))
         self.serials = {unit["place"]: unit["uut"] for unit in manifest["units"]}
         self._data: dict[str, RunData] = {}
         self._evaluated: dict[str, Results] = {}  # by the state of the run
@@ -74,7 +76,13 @@ class StoredRun:
         """A unit with the released calibration that was given to the run, if any."""
         if unit.place not in self.manifest.get("released", {}):
             return unit
-        return replace(unit, released=read_calibration(self.folder / released_copy(unit.place)).released())
+        known = read_calibration(self.folder / released_copy(unit.place))
+        if known.run == self.manifest["run"]:
+            raise StoreError(
+                f"{released_copy(unit.place)} in {self.folder} is the calibration that this run itself found: data to "
+                "which a model was fitted cannot verify it. Give the calibration to a new run of the unit instead"
+            )
+        return replace(unit, released=known.released())
 
     def counted_at(self, what: CountsAt) -> list[RunData]:
         """Acquisitions of methods with one of these layouts."""

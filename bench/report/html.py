@@ -15,7 +15,7 @@ from bench.figures.sheet import Sheet
 from bench.figures.svg import drawing, font_of
 from bench.figures.templates import environment_of
 from bench.figures.times_and_sizes import instant
-from bench.figures.words import answer_text, of_those_within_u
+from bench.figures.words import answer_text, of_those_within_u, quantity_in_words
 from bench.metrology.results.curves import TemperatureModel
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.limits import Limits
@@ -33,6 +33,7 @@ from bench.report.flag_words import flag_in_words
 from bench.report.page import Facts
 from bench.report.plan_view.timeline import clock
 from bench.report.revision import Revision
+from bench.sequence.language.values import in_words
 from bench.sequence.method import CHANNEL, MethodDescription, known_methods
 from bench.sequence.steps.limits import limits_in
 from drivers.installed import loaded
@@ -229,6 +230,7 @@ def head(run: StoredRun, revision: Revision, measured: Sequence[Measurement], *,
             tr("Decision rule"),
             tr("; ").join(dict.fromkeys(_decision_rules(run, measured))) or tr("none: nothing is judged"),
         ),
+        *_specified_drift(run),
         (tr("Ambient conditions"), _ambient(run) or tr("not recorded")),
         (tr("Deviations"), tr("see below") if deviates else tr("none recorded")),
     ]
@@ -246,13 +248,27 @@ def _methods(run: StoredRun) -> Iterator[str]:
 
 def _decision_rules(run: StoredRun, measured: Sequence[Measurement]) -> Iterator[str]:
     """Decision rule for each kind of limit of results and single measurements."""
-    of_results = [limit.guard for entry in run.sequence.results for limit in entry.limits.values()]
-    of_measurements = [found.limits.get("guard") for found in measured if found.limits is not None]
-    for guard_k in (*of_results, *of_measurements):
+    of_results = [limit for entry in run.sequence.results for limit in entry.limits.values()]
+    of_measurements = [found.limits for found in measured if found.limits is not None]
+    guards = [limit.guard for limit in of_results if limit.sides != (None, None)]
+    guards += [found.get("guard") for found in of_measurements if (found.get("min"), found.get("max")) != (None, None)]
+    for guard_k in guards:
         if guard_k is None:
             yield tr("simple acceptance: a value inside its limits passes")
         else:
             yield tr("guarded acceptance: a value passes that is inside its limits by {k} u", k=f"{guard_k:g}")
+    if any(limit.u_max is not None for limit in of_results) or any(found.get("u_max") for found in of_measurements):
+        yield tr("where a limit has u_max: a value passes only if its standard uncertainty is at most that")
+
+
+def _specified_drift(run: StoredRun) -> Facts:
+    """Specified drifts of the results; empty without any."""
+    stated = {name: value for entry in run.sequence.results for name, value in entry.monthly_drift.items()}
+    if not stated:
+        return []
+    each = [f"{quantity_in_words(name)} {value.written or in_words(value)}" for name, value in stated.items()]
+    words = tr("{drifts} a month; a specification, no part of values or uncertainties", drifts=tr(", ").join(each))
+    return [(tr("Specified drift"), words)]
 
 
 def _ambient(run: StoredRun) -> str:

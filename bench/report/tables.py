@@ -124,7 +124,7 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits], units: Mapping[
     for quantity, allowed in limits.items():
         found = [finding for finding in unit.findings if finding.quantity == quantity]
         if found:
-            worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), _margin(finding)))
+            worst = min(found, key=lambda finding: (SEVERITY.index(finding.verdict), *_margins(finding)))
             yield _row(worst, dwell_numbers(unit), _remark(found))
         else:
             yield Row(
@@ -138,9 +138,12 @@ def verdict_rows(unit: UnitResult, limits: Mapping[str, Limits], units: Mapping[
             )
 
 
-def _margin(finding: Finding) -> float:
-    """Distance from a value to its limits; negative outside."""
-    return 0.0 if finding.limits is None else finding.limits.room(finding.value)
+def _margins(finding: Finding) -> tuple[float, float]:
+    """Distance from a value to its limits, negative outside, and from its u to the largest permitted."""
+    if finding.limits is None:
+        return 0.0, 0.0
+    allowed = finding.limits.u_allowed(finding.value)
+    return finding.limits.room(finding.value), 0.0 if allowed is None else allowed - finding.u
 
 
 def _remark(found: Sequence[Finding]) -> str:

@@ -26,7 +26,7 @@ from bench.store.runs import MANIFEST, json_text
 
 REPORT = "report"
 COLUMNS = (
-    "id", "uut", "quantity", "name", "at", "value", "unit", "u", "k", "dof", "min", "max", "guard", "verdict",
+    "id", "uut", "quantity", "name", "at", "value", "unit", "u", "k", "dof", "min", "max", "guard", "u_max", "verdict",
     "marginal", "flags",
 )  # fmt: skip
 

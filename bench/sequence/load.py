@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from bench.config.document import Document, Problem, parse_document, read_document
@@ -19,7 +19,6 @@ from bench.sequence.language.readings import example_of
 from bench.sequence.language.values import value_of
 from bench.sequence.plan.expand import expand
 from bench.sequence.plan.plan import Plan
-from bench.sequence.plan.result_settings import evaluated_results, kept_parameters
 from bench.sequence.plan.unit_places import occupied
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import value_text
@@ -29,16 +28,6 @@ def load_sequence(path: Path) -> tuple[Document, SequenceFile]:
     """Load a sequence file without evaluating expressions; InputError lists every problem with its place."""
     document = read_document(path)
     return document, load(document, SequenceFile, **CONTEXT, files_needed=False)
-
-
-def load_kept_sequence(path: Path, parameters: Mapping[str, str]) -> tuple[Document, SequenceFile]:
-    """Load the sequence of a run with the settings of its results evaluated; `parameters` as in its manifest."""
-    document, sequence = load_sequence(path)
-    found: list[Problem] = []
-    results = evaluated_results(sequence.results, kept_parameters(sequence, parameters), found)
-    if found:
-        raise InputError(*document.located(found))
-    return document, sequence.model_copy(update={"results": results})
 
 
 def load_judged_plan(

@@ -30,6 +30,7 @@ SHIPPED: Mapping[str, str] = {
     "gyro_response": "bench.methods.rate_table.method:GYRO_RESPONSE",
     "temperature_ramp": "bench.methods.ramp.method:TEMPERATURE_RAMP",
     "temperature_tumble": "bench.methods.tumble.method:TEMPERATURE_TUMBLE",
+    "verify_compensation": "bench.methods.tumble.method:VERIFY_COMPENSATION",
     "threshold": "bench.methods.threshold.method:THRESHOLD",
 }
 OUTPUT = "output"  # as the unit of a quantity: stands for the unit of the units' output
@@ -80,8 +81,8 @@ class MethodDescription(NamedTuple):
     translations of its texts by language, the function that divides the run into spans, its reductions of recorded
     cases, and the function that computes the truth of simulated data from the RunData of a label and the World of the
     simulation. `parts` are the loops and groups that its reduction finds by name. `meaning` describes its results,
-    `measures` its kind of unit, `needs_calibration` is true if it needs the released calibration of each unit, `closes`
-    if it uses the acquisitions of `closure` like its other data.
+    `measures` its kinds of unit, `needs_calibration` is true if it needs the released calibration of each unit,
+    `closes` if it uses the acquisitions of `closure` like its other data.
     """
 
     name: str
@@ -99,7 +100,7 @@ class MethodDescription(NamedTuple):
     after: tuple[str, ...] = ()
     parts: tuple[NamedPart, ...] = ()
     meaning: str = CHANNEL
-    measures: UnitKind = "channel"
+    measures: tuple[UnitKind, ...] = ("channel",)
     needs_calibration: bool = False
     closes: bool = False
     shown: Mapping[str, str] = NOTHING

@@ -12,6 +12,8 @@ from multiprocessing import Pool
 from pathlib import Path
 from typing import Self
 
+import numpy as np
+
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
@@ -19,7 +21,9 @@ from simulators.truth.constants import channel_constants
 from simulators.units.accelerometer import Decoding, Through, UnitTruth
 
 ROOT = Path(__file__).parents[2]
-QUANTITIES = ("K0", "K1", "K1_si", "K2", "misalignment", "K3", "Kip", "asymmetry")
+QUANTITIES = (
+    "K0", "K1", "K1_si", "K2", "misalignment", "misalignment_y", "K3", "Kip", "Kio", "asymmetry",
+)  # fmt: skip
 _U_VALUE = re.compile(r"(U: )(-?[\d.]+)")
 _U_BLOCK = re.compile(r"(U: \{)([^}]*)(\})")
 _NUMBER = re.compile(r"(?<![\w.])\d+(\.\d+)?(?= )")
@@ -110,7 +114,7 @@ def compared(truth: dict, results: dict) -> list[Comparison]:
             truth["seed"], finding, true_constants(truth, finding)[finding["quantity"]], finding["at"]["dwell"]
         )
         for finding in results["findings"]
-        if finding["quantity"] in QUANTITIES and "@" in finding["id"]
+        if finding["quantity"] in QUANTITIES and "dwell" in finding["at"]
     ]
 
 
@@ -123,14 +127,15 @@ def through_of(truth: dict, place: str) -> Through:
 
 
 def true_constants(truth: dict, finding: dict) -> dict[str, float]:
-    dwell = truth["dwells"][finding["id"].replace(f"/{finding['quantity']}@", "@")]
+    subject, _, path = finding["id"].partition("@")  # without a path where all of a run is one dwell
+    dwell = truth["dwells"][f"{subject.removesuffix('/' + finding['quantity'])}@{path}"]
     if dwell["temperature_c"] == finding["at"]["temperature_c"]:
         return dwell
     place = finding["id"].split("/")[1]
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in truth["units"][place].items()}
     found = channel_constants(
-        UnitTruth(**fields), truth["bench"]["gravity_mps2"], dwell["axis_deg"], finding["at"]["temperature_c"],
-        dwell["drifted_g"], through_of(truth, place), extra=dwell.get("extra", ()),
+        UnitTruth(**fields), truth["bench"]["gravity_mps2"], np.array(dwell["forces_g"]),
+        finding["at"]["temperature_c"], dwell["drifted_g"], through_of(truth, place), extra=dwell.get("extra", ()),
         by_input_g=dwell.get("by_input_g", ()),
     )  # fmt: skip
     scale = 1 + dwell.get("turned_on_scale", 0.0)

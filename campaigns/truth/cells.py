@@ -84,14 +84,22 @@ METHODS = {
     method.name: method
     for method in (
         Method("M4a", "tumble_static", "simulated", "quartz_flexure", ACCELEROMETERS, _tumble),
+        Method("M4a clocked", "tumble_clocked", "simulated", "quartz_flexure", ACCELEROMETERS, campaign.compared,
+               ("steady_within=9 µg",)),
         Method("M4b", "ramp_dynamic", "simulated", "quartz_flexure", ACCELEROMETERS, ramp.compared),
         Method("M4d", "threshold_resolution", "simulated", "dead_band", ACCELEROMETERS, ladder.compared,
                on_bench="quartz_flexure"),
         Method("repeatability", "repeatability", "simulated", "quartz_flexure", ACCELEROMETERS, repeatability.compared,
                ("repetitions=6", "steady_within=9 µg", "gate=30 s"), preset=None),
         Method("M0", "channel_full", "channel", "if_channel", ACCELEROMETERS, _channel),
+        Method("M0 inertial", "channel_imu", "channel_imu", "imu_channels", ACCELEROMETERS, _channel),
         Method("M1", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.2°")),  # where none saturates
+        Method("M1 sides", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
+               ("largest=0.4°", "step=0.1°", "sides=yes")),
+        Method("M1 axes", "indexing_three_axes", "indexing_three_axes", "micro_g",
+               ("as shipped", "negative scale", "misaligned", "nonlinear"), indexing.compared,
+               ("largest=0.4°", "step=0.1°")),
         Method("M2", "imu_24_position", "imu", "imu", ACCELEROMETERS, imu.compared),
         Method("M2 start-up", "imu_start_up", "imu", "imu", ACCELEROMETERS, None,
                of_folder=imu_start_up.compare_start_up, calibration=imu_start_up.CALIBRATION),
@@ -171,7 +179,12 @@ def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
 STATED = {
     ("warm", "M3a"): (r"(?m)^( *)scale: .*$", r"\g<0>\n\g<1>scale_per_degree_u: 300 ppm/°C"),
     ("warm", "repeatability"): (r"(?<=bias_per_degree_u: )10", "50"),
+    ("warm", "M4a clocked"): (
+        r"bias_per_degree_u: 10 µg/°C, scale_per_degree_u: 60",
+        "bias_per_degree_u: 50 µg/°C, scale_per_degree_u: 120",
+    ),
     ("warm", "M0"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
+    ("warm", "M0 inertial"): (r"(?m)^( *)accelerometer: 65 °C.*$", r"\g<0>\n\g<1>accelerometer_drift_u: 166 ppm/°C"),
     ("nonlinear", "M3c"): (r"(?<=scale_u: )100 ppm", "450 ppm"),  # K2 and asymmetry, at the low rates
     ("misaligned", "M4b"): (r"(?<=misalignment_u: )1 mrad", "4 mrad"),
 }

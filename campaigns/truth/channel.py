@@ -48,7 +48,15 @@ def compared(truth: dict, results: dict) -> dict[str, Comparison]:
     What an uncertainty says is about the difference of two slopes. Its size alone would be nearer to that of the truth
     than that tells where the truth is about nothing.
     """
-    found = results["findings"]
+    compared = {}
+    for axis in dict.fromkeys(each["at"].get("axis") for each in results["findings"]):
+        found = [each for each in results["findings"] if each["at"].get("axis") == axis]
+        compared |= _compared_channel(truth, found)
+    return compared
+
+
+def _compared_channel(truth: dict, found: list[dict]) -> dict[str, Comparison]:
+    """The same of the findings of one channel."""
     true = {each["at"]["run"]: true_line(truth, each) for each in found if each["quantity"] == "rate"}
     lines = {run: tuple(_of_run(found, run, quantity) for quantity in OF_A_LEVEL[:2]) for run in true}
     compared = {}
@@ -78,7 +86,8 @@ def true_line(truth: dict, finding: dict) -> Line:
     chamber's limit cycle tilts a line by some 1e-4 of its slope, by another amount where it is cut off elsewhere.
     """
     label, place = finding["id"].split("/")[:2]
-    levels = [truth["levels"][f"{label}/{place}@{step}"] for step in finding["steps"]]
+    channel = "/".join([label, place, *([finding["at"]["axis"]] if "axis" in finding["at"] else [])])
+    levels = [truth["levels"][f"{channel}@{step}"] for step in finding["steps"]]
     temperature_c = np.concatenate([level["temperature_c"][WITHIN] for level in levels])
     rate_pps = np.concatenate([level.get("rate_pps", level.get("output"))[WITHIN] for level in levels])
     slope, rate = np.polyfit(temperature_c - REFERENCE_C, rate_pps, 1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 from unittest import mock
 
@@ -48,21 +49,20 @@ class Drifts:
     """Errors of a world that change evenly over a run: thermometers, and the level of the base."""
 
     def __init__(self, world: World) -> None:
-        self._carried = world.carried
+        self._kinematics = world.kinematics
         single = [each for unit in world.units.values() for each in (unit._thermometer, unit._board_thermometer)]
         single += [unit._thermometer for unit in world.gyros.values()]
-        single += [each for unit in world.imus.values() for each in unit._thermometers]
-        for each in single:
-            each._drift_c = 0.0  # what is drawn from its certificate: here it drifts otherwise
-        self._began = [(each, "_offset_c", each._offset_c) for each in single]
-        self._middle_deg = self._carried._level.middle_deg
+        single += [each for unit in world.imus.values() for each in (*unit._thermometers, unit._board_thermometer)]
+        # Without what is drawn from its certificate: here it drifts otherwise.
+        self._drawn = [(each, replace(each._errors, drift_c=0.0)) for each in single]
+        self._middle_deg = self._kinematics._level.middle_deg
 
     def go_to(self, share: float) -> None:
         """Let the errors be as they are at a share of the run: -1 at its begin, 1 at its end."""
-        for of, name, drawn_value in self._began:
-            setattr(of, name, drawn_value * (1 + DRIFT * share))
-        self._carried._level = Level(self._middle_deg * (1 + DRIFT * share))
-        self._carried._at_rest = (), self._carried._at_rest[1]  # it was worked out for another level
+        for thermometer, errors in self._drawn:
+            thermometer._errors = replace(errors, offset_c=errors.offset_c * (1 + DRIFT * share))
+        self._kinematics._level = Level(self._middle_deg * (1 + DRIFT * share))
+        self._kinematics._at_rest = (), self._kinematics._at_rest[1]  # it was worked out for another level
 
 
 @contextmanager

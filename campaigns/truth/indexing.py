@@ -23,7 +23,12 @@ from campaigns.truth.campaign import Comparison, campaign, full_bench, perfect_b
 
 INPUT_HYSTERESIS = "input_hysteresis: {amplitude: 20 µg, thresholds: [1 mg, 2 mg, 4 mg]}"
 LOOP = "hysteresis"  # of a unit without, the largest of what noise makes: not judged by its scatter about 0
-QUANTITIES = ("K0", "K1", "misalignment", "Kip", "scale_difference", "bias", "bias_corrected", "b3", "b5")
+QUANTITIES = (
+    "K0", "K1", "misalignment", "misalignment_y", "Kip", "Kio", "scale_difference", "bias", "bias_corrected", "b3",
+    "b5", "verification/offset", "verification/scale",
+)  # fmt: skip
+AXES = {"a": "x", "b": "y", "c": "z"}  # measured in the places of `indexing_three_axes`
+ALIKE_G = 1e-6  # readings at one angle
 _BESIDE = re.compile(r"clocking|verification")  # readings that are not swept
 
 
@@ -34,12 +39,22 @@ def compare_indexing(folder: Path) -> list[Comparison]:
 
 def compared(truth: dict, results: dict) -> list[Comparison]:
     """The same of a truth and of results at hand."""
-    figures = true_figures(truth)
+    places = {found["id"].split("/")[1] for found in results["findings"]}
+    figures = {place: true_figures(of_place(truth, place)) for place in places}
     return [
-        Comparison.of(truth["seed"], found, figures[found["quantity"]])
+        Comparison.of(truth["seed"], found, figures[found["id"].split("/")[1]][found["quantity"]])
         for found in results["findings"]
         if found["quantity"] in QUANTITIES or (found["quantity"] == LOOP and is_hysteretic(truth))
     ]
+
+
+def of_place(truth: dict, place: str) -> dict:
+    """Truth of the readings of one place; of an instrument of three axes those while its axis was measured."""
+    own = re.compile(f"/{place}@(?!.*axis=(?!{AXES.get(place, '')}))")
+    kept = {
+        name: {key: value for key, value in truth[name].items() if own.search(key)} for name in ("outputs", "forces_g")
+    }
+    return {**truth, **kept}
 
 
 def is_hysteretic(truth: dict) -> bool:
@@ -57,6 +72,8 @@ def true_figures(truth: dict) -> dict[str, float]:
     equations = np.block([[np.eye(2), up[:, 1:]], [np.eye(2), -down[:, 1:]]])
     bias, scale, tilted, coupling = np.linalg.solve(equations, np.concatenate([up[:, 0], down[:, 0]])).tolist()
     return {
+        **_of_sides(truth),
+        **_verified(truth, up[:, 0]),
         "K0": bias / scale,
         "K1": scale,
         "misalignment": tilted / scale,
@@ -80,6 +97,47 @@ def _line(truth: dict, sense: int) -> np.ndarray:
     return np.asarray(np.linalg.lstsq(design, columns, rcond=None)[0])
 
 
+def _of_sides(truth: dict) -> dict[str, float]:
+    """Kio and the misalignment towards Y by the symmetry of the outputs with +Y up and +Y down; empty without them.
+
+    At opposite largest angles only the scale factor, odd in the angle, and the cross coupling, odd in the angle and in
+    the side, remain of sums and differences; level, only the misalignment, odd in the side. No line is fitted.
+    """
+    means = {(angle, side): _mean(truth, side, angle) for angle in (-1, 0, 1) for side in (1, -1)}
+    if any(output is None for output, _ in means.values()):
+        return {}
+    level, up, down = ({side: means[angle, side][0] for side in (1, -1)} for angle in (0, 1, -1))
+    sine = means[1, 1][1]
+    scale = (up[1] - down[1] + up[-1] - down[-1]) / (4 * sine)
+    coupling = (up[1] - down[1] - up[-1] + down[-1]) / (4 * sine * math.sqrt(1 - sine**2))
+    return {"Kio": coupling / scale, "misalignment_y": (level[1] - level[-1]) / 2 / scale}
+
+
+def _verified(truth: dict, line: np.ndarray) -> dict[str, float]:
+    """By how much the line through the outputs of the verification differs from that of the end with +Z up.
+
+    Empty without a verification.
+    """
+    keys = [key for key in truth["forces_g"] if "verification" in key and truth["forces_g"][key][2] > 0]
+    if not keys:
+        return {}
+    slope, intercept = np.polyfit(
+        [truth["forces_g"][key][0] for key in keys], [truth["outputs"][key] for key in keys], 1
+    )
+    return {"verification/offset": (intercept - line[0]) / line[1], "verification/scale": slope / line[1] - 1}
+
+
+def _mean(truth: dict, side: int, angle: int) -> tuple[float | None, float]:
+    """Mean output with +Y up (1) or down (-1), level or at the largest angle of either sign, and the input in g."""
+    keys = [key for key, (_, across, pendulous) in truth["forces_g"].items() if abs(across) > abs(pendulous)]
+    largest = max((abs(truth["forces_g"][key][0]) for key in keys), default=0.0)
+    here = [
+        key for key in keys
+        if truth["forces_g"][key][1] * side > 0 and abs(truth["forces_g"][key][0] - angle * largest) < ALIKE_G
+    ]  # fmt: skip
+    return (float(np.mean([truth["outputs"][key] for key in here])) if here else None), largest
+
+
 def _loop(truth: dict, sense: int) -> float:
     """By how much the outputs of an end at one angle differ at most: the width of the loop that a unit goes through."""
     by_angle: dict[float, list[float]] = {}
@@ -92,7 +150,10 @@ def _swept(truth: dict, sense: int) -> list[str]:
     """The readings of the sweeps of an end in the last pass."""
     swept = {key: force_g for key, force_g in truth["forces_g"].items() if not _BESIDE.search(key)}
     last = max(map(_pass_of, swept))
-    return [key for key, (_, _, pendulous) in swept.items() if _pass_of(key) == last and pendulous * sense > 0]
+    return [
+        key for key, (_, across, pendulous) in swept.items()
+        if _pass_of(key) == last and pendulous * sense > abs(across)
+    ]  # fmt: skip
 
 
 def _pass_of(key: str) -> int:

@@ -230,7 +230,8 @@ class Player:
             if unit.place in self.world.imus:
                 for sensor, name in zip(SENSORS, (unit.temperature, unit.gyro_temperature), strict=True):
                     yield name, float(self.world.imus[unit.place].thermometer_c(sensor, now)[0])
-                continue
-            yield unit.temperature, float(self.world.counted[unit.place].thermometer_c(now)[0])
+            else:
+                yield unit.temperature, float(self.world.counted[unit.place].thermometer_c(now)[0])
             if unit.converter:
-                yield unit.converter, float(self.world.units[unit.place].converter_thermometer_c(now)[0])
+                with_board = self.world.imus if unit.place in self.world.imus else self.world.units
+                yield unit.converter, float(with_board[unit.place].converter_thermometer_c(now)[0])

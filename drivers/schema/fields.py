@@ -123,6 +123,29 @@ def is_deferred(context: object) -> bool:
     return isinstance(context, Mapping) and bool(context.get("deferred"))
 
 
+EXPRESSION = r"^\$\{[^{}]*\}$"  # pattern of an expression, for a schema
+
+
+@dataclass(frozen=True, slots=True)
+class _OrExpression:
+    """Accepts an expression in place of a text as long as it is not evaluated."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_wrap_validator_function(self._validate, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        expression = {"type": "string", "pattern": EXPRESSION, "description": "an expression ${…}"}
+        return {"anyOf": [handler(schema), expression]}
+
+    @staticmethod
+    def _validate(
+        raw: object, inner: core_schema.ValidatorFunctionWrapHandler, info: core_schema.ValidationInfo
+    ) -> object:
+        return raw if isinstance(raw, str) and "${" in raw and is_deferred(info.context) else inner(raw)
+
+
+OR_EXPRESSION = _OrExpression()
+
 Seconds = Annotated[float, InUnit("s", at_least=0)]
 PositiveSeconds = Annotated[float, InUnit("s", above=0)]
 Celsius = Annotated[float, InUnit("°C")]

@@ -120,9 +120,15 @@ class Mount:
 
 
 @lru_cache(maxsize=64)
-def to_unit(mount: Mount, own_deg: float) -> Array:
-    """Fixture to unit, (3, 3); `own_deg` is the additional mounting angle of the unit in its place."""
-    return raised(own_deg) @ _clocked(mount.clock_deg) @ _rolled(mount.roll_deg) @ raised(mount.angle_deg)
+def to_unit(mount: Mount, own_deg: float, own_clock_deg: float = 0.0) -> Array:
+    """Fixture to unit, (3, 3); in its place the unit is raised by `own_deg` in addition, then clocked."""
+    return (
+        _clocked(own_clock_deg)
+        @ raised(own_deg)
+        @ _clocked(mount.clock_deg)
+        @ _rolled(mount.roll_deg)
+        @ raised(mount.angle_deg)
+    )
 
 
 def turn(axis: Vector, angle_deg: Array) -> Array:

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.truth.constants import Orientation, gravity_in_unit
-from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.accelerometer import Through, UnitTruth
+from simulators.units.imu import CHANNELS
+from simulators.units.unit_temperatures import Board
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -26,7 +28,8 @@ EVERY_S = 10.0
 class LevelAsMeasured:
     """An acquisition at one input level: host time of its ends, and attitude of the unit.
 
-    `source_a` is the set current of the source; None for an accelerometer.
+    `source_a` is the set current of the source; None for an accelerometer. `sensor` is the channel of an inertial unit,
+    such as acc_x.
     """
 
     key: str
@@ -35,6 +38,7 @@ class LevelAsMeasured:
     end_s: float
     orientation: Orientation
     source_a: float | None
+    sensor: str = ""
 
 
 def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, Any]:
@@ -45,24 +49,56 @@ def levels_record(world: World, levels: Sequence[LevelAsMeasured]) -> dict[str, 
     if not levels:
         return {}
     return {
-        "levels": {level.key: _level(world, level) for level in levels if world.units[level.place].board.history},
+        "levels": {level.key: _level(world, level) for level in levels if _board_of(world, level.place).history},
         "sources": {role: asdict(feed.errors) for role, feed in sorted(world.sources.items())},
         "converter_thermometers": {
-            name: asdict(place.converter_thermometer) for name, place in sorted(world.settings.places.items())
+            **{name: asdict(at.converter_thermometer) for name, at in sorted(world.settings.places.items())},
+            **{name: asdict(at.converter_thermometer) for name, at in sorted(world.settings.imus.items())},
         },
     }
 
 
+def _board_of(world: World, place: str) -> Board:
+    return world.imus[place].board if place in world.imus else world.units[place].board
+
+
+@dataclass(frozen=True, slots=True)
+class _Channel:
+    """A channel of a unit: the unit as drawn, the drift of its bias over true time, and its signal path."""
+
+    truth: UnitTruth
+    drifted: tuple[Array, Array]
+    through: Through
+    force_g: Array  # along its input, pendulous and output axes, (3,)
+
+
+def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
+    if level.place in world.units:
+        unit = world.units[level.place]
+        history = np.array(unit.board.history)
+        along, output, pendulous = gravity_in_unit(world, unit, level.orientation)
+        force_g = np.array([along, pendulous, output])
+        return _Channel(unit.truth, (history[:, 0], history[:, -1]), unit.settings.through, force_g)
+    imu = world.imus[level.place]
+    axis = CHANNELS.index(level.sensor)
+    at_s = np.array([state.true_s for state in imu.history])
+    drifted_g = np.array([state.accelerometers_g[axis] for state in imu.history])
+    upward = gravity_in_unit(world, imu, level.orientation)
+    force_g = np.roll(upward, -axis)  # its pendulous and output axes are the next two
+    through = imu.settings.decodings.get(level.sensor)
+    return _Channel(imu.truth.accelerometers[axis], (at_s, drifted_g), through, force_g)
+
+
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
-    unit = world.units[level.place]
+    channel = _channel_of(world, level)
     at_s = np.arange(world.true_time(level.begin_s), world.true_time(level.end_s), EVERY_S)
-    history = np.array(unit.board.history)
-    board_c, thermometer_c, sensor_c, drifted_g = (np.interp(at_s, history[:, 0], row) for row in history.T[1:])
+    history = np.array(_board_of(world, level.place).history)
+    board_c, thermometer_c, sensor_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:4])
     input_a = level.source_a
     if input_a is None:
-        input_a = _accelerometer_a(world, unit, level.orientation, sensor_c, drifted_g)
-    through = unit.settings.through
-    output, digits = unit.truth.output(np.full_like(at_s, input_a), through, board_c), 6 if through is None else 10
+        input_a = _accelerometer_a(channel, sensor_c, np.interp(at_s, *channel.drifted))
+    through = channel.through
+    output, digits = channel.truth.output(np.full_like(at_s, input_a), through, board_c), 6 if through is None else 10
     return {
         "temperature_c": np.round(thermometer_c, 5).tolist(),
         "rate_pps" if through is None else "output": np.round(output, digits).tolist(),
@@ -71,10 +107,7 @@ def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     }
 
 
-def _accelerometer_a(
-    world: World, unit: SimulatedUnit, orientation: Orientation, sensor_c: Array, drifted_g: Array
-) -> float:
+def _accelerometer_a(channel: _Channel, sensor_c: Array, drifted_g: Array) -> float:
     """Mean current of the accelerometer, in the attitude stated in the bench file."""
-    along, output, pendulous = gravity_in_unit(world, unit, orientation)
-    force = tuple(np.full_like(sensor_c, g) for g in (along, pendulous, output))
-    return float(np.mean(unit.truth.current_a((force[0], force[1], force[2]), sensor_c, drifted_g)))
+    along, pendulous, output = (np.full_like(sensor_c, g) for g in channel.force_g)
+    return float(np.mean(channel.truth.current_a((along, pendulous, output), sensor_c, drifted_g)))

@@ -20,6 +20,7 @@ from simulators.physics.attitude import Mount, to_unit
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.units.accelerometer import Decoding, Through, UnitTruth
 from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.imu import SimulatedImu
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -28,7 +29,10 @@ STEPPED = {"turned_on_g": -3, "turned_on_scale": -2}  # columns of a unit's hist
 LAST_LATCH_S = 0.1  # possibly before the end of a leg; a sample beyond the end is incomplete
 # Separable share of a further term above which the angles of a run determine it. For eight angles and more the shares
 # are 1, 0.32 and 0.08 to 0.15; for six, one degree off the level, K3 has 0.02 (equations 1.5).
-OWN_SHARE = {"Kip": 0.3, "K3": 0.2, "asymmetry": 0.06}
+TOWARDS = {"Kip": "misalignment", "Kio": "misalignment_y"}
+OWN_PART = 0.15  # of what its axis feels, for a cross coupling; 0.02 near 0°, 90°, …, else 0.5
+LEVEL_G = 1e-6  # along an axis that is level
+OWN_SHARE = {"Kip": 0.3, "Kio": 0.3, "K3": 0.2, "asymmetry": 0.06}
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,12 +139,10 @@ def _table(world: World) -> dict[str, Any]:
 
 def _dwells(world: World, dwells: Sequence[DwellAsMeasured]) -> dict[str, Any]:
     """Truth of each dwell by key; the angles of all dwells of a run together decide on the further terms."""
-    angles_deg: dict[str, list[float]] = {}
+    forces: dict[str, list[Array]] = {}
     for dwell in dwells:
-        angles_deg.setdefault(_run_of(dwell), []).extend(
-            _axis_deg(world, dwell.place, orientation) for orientation in dwell.orientation
-        )
-    extra = {run: separable_terms(at_deg) for run, at_deg in angles_deg.items()}
+        forces.setdefault(_run_of(dwell), []).extend(_forces_g(world, dwell))
+    extra = {run: separable_terms(np.array(each_g)) for run, each_g in forces.items()}
     return {dwell.key: _dwell(world, dwell, extra[_run_of(dwell)]) for dwell in dwells}
 
 
@@ -148,21 +150,52 @@ def _run_of(dwell: DwellAsMeasured) -> str:
     return dwell.key.partition("@")[0]
 
 
-def separable_terms(axis_deg: Sequence[float]) -> tuple[str, ...]:
-    """Further terms of the model equation that are separable at these angles of the input axis.
+def _forces_g(world: World, dwell: DwellAsMeasured) -> list[Array]:
+    """Ideal specific force at each reading of a dwell, along input, output and pendulous axes, each (3,)."""
+    unit = world.units[dwell.place]
+    return [gravity_in_unit(world, unit, orientation) for orientation in dwell.orientation]
 
-    Each column is orthogonalised against the previous ones; the remaining length is its separable part.
-    """
+
+def in_one_plane(axis_deg: Sequence[float]) -> Array:
+    """Specific force (n, 3) with the output axis level and the input axis at these angles above the horizontal."""
     angle = np.radians(np.array(axis_deg))
-    sine, cosine = np.sin(angle), np.cos(angle)
-    known, found = [np.ones_like(sine), sine, cosine, sine**2], []
-    for name, column in (("Kip", sine * cosine), ("K3", sine**3), ("asymmetry", np.abs(sine))):
+    return np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=-1)
+
+
+def separable_terms(force_g: Array) -> tuple[str, ...]:
+    """Further terms of the model equation that are separable by these specific forces (n, 3).
+
+    Each column is orthogonalised against the previous ones; the remaining length is its separable part. A misalignment
+    is a term of its own as soon as its axis has left the level.
+    """
+    columns, base = _columns(force_g), _base(force_g)
+    known, found = [columns[name] for name in base], base[4:]
+    for name in OWN_SHARE:
+        column, towards = columns[name], columns[TOWARDS.get(name, "K1")]
+        if not float(np.linalg.norm(column)) > max(OWN_PART * float(np.linalg.norm(towards)), LEVEL_G):
+            continue
         others = np.linalg.qr(np.stack(known, axis=-1))[0]
         own = column - others @ (others.T @ column)
         if np.linalg.norm(own) > OWN_SHARE[name] * np.linalg.norm(column):
             known.append(column)
             found.append(name)
     return tuple(found)
+
+
+def _columns(force_g: Array) -> dict[str, Array]:
+    """Specific force in each term of the model equation."""
+    along, across, pendulous = np.array(force_g).T
+    return {
+        "K0": np.ones_like(along), "K1": along, "misalignment": pendulous, "K2": along**2, "misalignment_y": across,
+        "Kip": along * pendulous, "Kio": along * across, "K3": along**3, "asymmetry": np.abs(along) / 2,
+    }  # fmt: skip
+
+
+def _base(force_g: Array) -> list[str]:
+    """Terms that are found at any angles: of the misalignments those towards an axis that left the level."""
+    columns = _columns(force_g)
+    towards = [name for name in ("misalignment", "misalignment_y") if np.linalg.norm(columns[name]) > LEVEL_G]
+    return ["K0", "K1", "K2", *(towards or ["misalignment"])]
 
 
 def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[str, Any]:
@@ -174,23 +207,29 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
     each_s = [world.true_time(at_s) for at_s in dwell.each_s]
     by_input_g = np.interp(each_s, history[:, 0], history[:, -1]).tolist() if any(history[:, -1]) else []
     stepped = {name: float(np.interp(true_s, history[:, 0], history[:, column])) for name, column in STEPPED.items()}
-    axis_deg = tuple(_axis_deg(world, dwell.place, orientation) for orientation in dwell.orientation)
+    force_g = np.array(_forces_g(world, dwell))
     constants = channel_constants(
-        unit.truth, settings.gravity_mps2, axis_deg, dwell.temperature_c, drifted_g, unit.settings.through, extra,
+        unit.truth, settings.gravity_mps2, force_g, dwell.temperature_c, drifted_g, unit.settings.through, extra,
         by_input_g,
     )  # fmt: skip
-    found = {"temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "axis_deg": axis_deg, **constants}
+    found = {
+        "temperature_c": dwell.temperature_c, "drifted_g": drifted_g, "forces_g": force_g.tolist(), **constants
+    }  # fmt: skip
     found |= {name: value for name, value in stepped.items() if value}
     found |= {name: constants[name] * (1 + stepped["turned_on_scale"]) for name in ("K1", "K1_si")}
     found |= {"by_input_g": by_input_g} if by_input_g else {}
     return found | ({"extra": list(extra)} if extra else {})
 
 
-def gravity_in_unit(world: World, unit: SimulatedUnit, orientation: Orientation) -> Array:
-    """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench."""
+def gravity_in_unit(world: World, unit: SimulatedUnit | SimulatedImu, orientation: Orientation) -> Array:
+    """Specific force along input, output and pendulous axes in local g, (3,), on the nominal bench.
+
+    Of an inertial unit along x, y and z.
+    """
     angles_deg = [np.array([angle_deg]) for angle_deg in orientation.angles_deg]
     upward = world.settings.fixture.to_fixture(angles_deg)[0, :, 2]
-    return np.asarray(to_unit(orientation.mount, unit.settings.mount_angle_deg) @ upward)
+    clock_deg = unit.settings.clock_deg if isinstance(unit, SimulatedUnit) else 0.0
+    return np.asarray(to_unit(orientation.mount, unit.settings.mount_angle_deg, clock_deg) @ upward)
 
 
 def _axis_deg(world: World, place: str, orientation: Orientation) -> float:
@@ -251,27 +290,24 @@ def _scale_factor(truth: UnitTruth, temperature_c: Array, through: Through) -> A
 
 
 def channel_constants(
-    truth: UnitTruth, gravity_mps2: float, axis_deg: Sequence[float], temperature_c: float, drifted_g: float,
+    truth: UnitTruth, gravity_mps2: float, force_g: Array, temperature_c: float, drifted_g: float,
     through: Through = None, extra: Sequence[str] = (), by_input_g: Sequence[float] = (),
 ) -> dict[str, float]:  # fmt: skip
     """True K0 (g), K1 (pulse/s/g), K1_si (pulse/s per m/s²), K2 (g/g²) and misalignment (rad) of a channel.
 
-    `axis_deg` are the ideal angles of the input axis above the horizontal, `drifted_g` what hysteresis, drift and
-    warm-up add to the bias, `by_input_g` what the history of the input adds to it at each angle. `through` a load the
-    output is in V instead of pulse/s, through an A/D converter in codes or what they are decoded to. With `extra` also
-    Kip (g/g²), K3 (g/g³) and the asymmetry.
+    `force_g` (n, 3) are the ideal specific forces along input, output and pendulous axes, `drifted_g` what hysteresis,
+    drift and warm-up add to the bias, `by_input_g` what the history of the input adds to it at each reading. `through`
+    a load the output is in V instead of pulse/s, through an A/D converter in codes or what they are decoded to. With
+    `extra` also Kip, Kio (g/g²), K3 (g/g³), the asymmetry, and the misalignment towards the output axis.
     """
-    angle = np.radians(np.array(axis_deg))
-    sine, cosine = np.sin(angle), np.cos(angle)
-    force = (sine, cosine, np.zeros_like(angle))
-    drifting = drifted_g + (np.array(by_input_g) if len(by_input_g) else np.zeros_like(angle))
-    current = truth.current_a(force, np.full_like(angle, temperature_c), drifting)
-    further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine) / 2}
-    design = np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
+    along, across, pendulous = np.array(force_g).T
+    drifting = drifted_g + (np.array(by_input_g) if len(by_input_g) else np.zeros_like(along))
+    current = truth.current_a((along, pendulous, across), np.full_like(along, temperature_c), drifting)
+    columns, base = _columns(force_g), _base(force_g)
+    names = [*base, *(name for name in extra if name not in base and np.linalg.norm(columns[name]) > LEVEL_G)]
+    design = np.stack([columns[name] for name in names], axis=-1)
     solution: list[float] = np.linalg.lstsq(design, truth.output(current, through), rcond=None)[0].tolist()
-    c0, k1, cosine_term, c2, *others = solution
-    found = {"K0": c0 / k1, "K1": k1, "K1_si": k1 / gravity_mps2, "K2": c2 / k1, "misalignment": cosine_term / k1}
-    by_sign_of_the_output = {"asymmetry": abs(k1)}
-    return found | {
-        name: value / by_sign_of_the_output.get(name, k1) for name, value in zip(extra, others, strict=True)
-    }
+    terms = dict(zip(names, solution, strict=True))
+    k1 = terms["K1"]
+    divided = {name: value / (abs(k1) if name == "asymmetry" else k1) for name, value in terms.items()}
+    return divided | {"K1": k1, "K1_si": k1 / gravity_mps2}

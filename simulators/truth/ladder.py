@@ -73,5 +73,5 @@ def _force_g(world: World, ladder: LadderAsMeasured) -> tuple[Array, Array, Arra
     ]
     upward = world.settings.fixture.to_fixture(angles_deg, world.settings.level_deg)[:, :, 2]
     settings = world.units[ladder.place].settings
-    x, y, z = to_unit(ladder.orientation.mount, settings.mount_angle_deg) @ upward.T
+    x, y, z = to_unit(ladder.orientation.mount, settings.mount_angle_deg, settings.clock_deg) @ upward.T
     return x, z, y

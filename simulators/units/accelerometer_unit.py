@@ -236,7 +236,7 @@ class SimulatedUnit:
         """Specific force along the input, pendulous and output axes, in local g."""
         seat_deg = self.seats_deg[-1][1] if self.seats_deg else 0.0
         force = self._world.kinematics.force_g(at_s, self.settings.arm_m)
-        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg) @ force
+        x, y, z = to_unit(self._world.mount, self.settings.mount_angle_deg + seat_deg, self.settings.clock_deg) @ force
         return x, z, y
 
     def thermometer_c(self, at_s: Array) -> Array:

@@ -19,13 +19,14 @@ from simulators.physics.noise import mean_noise
 from simulators.physics.table_kinematics import Stands, waves_of
 from simulators.physics.thermal import UnitPhysics
 from simulators.units.accelerometer import Hysteresis, Sent, noise_of
+from simulators.units.accelerometer_unit import Input
 from simulators.units.gyro import noise_of_gyro
 from simulators.units.imu_drawn import draw_imu, stacked
 from simulators.units.imu_file import NAMES, ImuFile
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import stream
-from simulators.units.unit_temperatures import Thermometer, followed_c
+from simulators.units.unit_temperatures import Board, Thermometer, UnitTemperatures, followed_c
 
 Array = NDArray[np.float64]
 Components = tuple[Array, Array, Array]
@@ -62,14 +63,21 @@ class SimulatedImu:
         self._gyro_drift = stacked(self.truth.gyro_drifts)
         self._gyros_send = stacked(self.truth.gyros_send) if self.truth.gyros_send else None
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
-        self._thermometers = [
+        start_c, unit = settings.chamber.start_c, self.settings.unit.accelerometer(NAMES[0])
+        self.temperatures = UnitTemperatures(world.thermal, sensors[0], unit, start_c, settings.thermometer_lag_s)
+        self.board = Board(self.temperatures, start_c)
+        named_errors = {**self.settings.thermometers, "converter": self.settings.converter_thermometer}
+        board_c = start_c if self.temperatures.board_in_chamber else self.temperatures.board_c
+        *self._thermometers, self._board_thermometer = (
             Thermometer(
-                settings.chamber.start_c, errors, settings.thermometer_noise_c,
+                board_c if sensor == "converter" else start_c, errors, settings.thermometer_noise_c,
                 stream(settings.seed, "noise", place, sensor, "thermometer"), settings.run_s,
             )
-            for sensor, errors in self.settings.thermometers.items()
-        ]  # fmt: skip
-        self._last_c = np.full(2, settings.chamber.start_c)
+            for sensor, errors in named_errors.items()
+        )  # fmt: skip
+        self._last_c = np.full(2, start_c)
+        self.input: Input = "accelerometer"
+        self.fed_channel = ""  # of CHANNELS, into whose converter the cable of the source is plugged
         self._cached_for: tuple[float, float, int] = (-1.0, -1.0, 0)
         self._cached: Array = np.empty((len(CHANNELS), 0))
         self._still_key: Any = None  # arguments of the next two
@@ -82,9 +90,12 @@ class SimulatedImu:
     @staticmethod
     def physics(unit: ImuFile, thermometer_s: float) -> tuple[UnitPhysics, UnitPhysics]:
         """Thermal response of its accelerometers and gyros to the air: one case for both."""
-        model = unit.thermal
+        model, converter = unit.thermal, unit.accelerometers.x.converter
+        board_s = converter.time_constant if converter.in_chamber else None
         return (
-            UnitPhysics(model.case_time_constant, model.accelerometer_time_constant, model.self_heating, thermometer_s),
+            UnitPhysics(
+                model.case_time_constant, model.accelerometer_time_constant, model.self_heating, thermometer_s, board_s
+            ),
             UnitPhysics(model.case_time_constant, model.gyro_time_constant, model.self_heating, thermometer_s),
         )
 
@@ -129,37 +140,48 @@ class SimulatedImu:
         if self.faults.active("open_thermometer"):
             return np.full(len(at_s), OPEN_C)
         number, thermal = SENSORS.index(sensor), self._world.thermal
-        at_unit_c = thermal.thermometer_c(self._sensors[number])
+        at_unit_c = thermal.thermometer_c(self._sensors[number]) if number else self.temperatures.thermometer_c
         now_c = followed_c(self.faults, at_unit_c, self._world.settings.ambient_c)
         return self._thermometers[number].readings_c(at_s, thermal.now_s, now_c)
 
+    def converter_thermometer_c(self, at_s: Array) -> Array:
+        """As `thermometer_c`, of the thermometer on the board of its converters."""
+        return self._board_thermometer.readings_c(
+            at_s, self._world.thermal.now_s, self.temperatures.board_thermometer_c
+        )
+
     def _pulses(self, edges_s: Array) -> Array:
-        current_a, gyro_pps = self._sensed(edges_s)
+        current_a, gyro_pps, board_c = self._sensed(edges_s)
         if current_a is None:
             return np.zeros((len(CHANNELS), len(edges_s) - 1))
-        return np.asarray(np.concatenate([self._accelerometers.rate_pps(current_a), gyro_pps]) * np.diff(edges_s))
+        acc_pps = self._accelerometers.rate_pps(current_a, board_c)
+        return np.asarray(np.concatenate([acc_pps, gyro_pps]) * np.diff(edges_s))
 
     def _codes(self, edges_s: Array) -> Array:
-        current_a, gyro_pps = self._sensed(edges_s)
+        current_a, gyro_pps, board_c = self._sensed(edges_s)
         if current_a is None or self._gyros_send is None:
             return np.zeros((len(CHANNELS), len(edges_s) - 1))
-        return np.concatenate([self._accelerometers.codes(current_a), self._gyros_send.codes(gyro_pps)])
+        return np.concatenate([self._accelerometers.codes(current_a, board_c), self._gyros_send.codes(gyro_pps)])
 
-    def _sensed(self, edges_s: Array) -> tuple[Array | None, Array]:
-        """Mean currents of the accelerometers and mean pulse rates of the gyros, (3, n); no current without power."""
+    def _sensed(self, edges_s: Array) -> tuple[Array | None, Array, Array | None]:
+        """Mean currents of the accelerometers and mean pulse rates of the gyros, (3, n); no current without power.
+
+        Also the temperature of the converters; None outside the chamber.
+        """
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = np.array([self._world.thermal.sensor_c(index) for index in self._sensors])
+        now_c = np.array([self.temperatures.sensor_c, self._world.thermal.sensor_c(self._sensors[1])])
         passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
         accelerometer_c, gyro_c = (
             before + passed * (now - before) for before, now in zip(self._last_c, now_c, strict=True)
         )
         self._last_c = now_c
         hysteresis_g = np.array([play.bias_g(float(now_c[0])) for play in self._hysteresis])
-        moving_g = self._accelerometers.kd * self._world.thermal.sensor_rate_c_per_s(self._sensors[0])
+        moving_g = self._accelerometers.kd * self.temperatures.sensor_rate_c_per_s
         begun, ended = self._slow(float(edges_s[0])), self._slow(float(edges_s[-1]))
         self.history.append(_state(float(edges_s[-1]), hysteresis_g + ended[0], ended[1], moving_g, now_c))
+        board_c = self.board.followed_c(edges_s, middle, 0.0)  # drifts of the three biases are in `history`
         if self.powered_at_s is None or self.faults.active("dead"):
-            return None, np.empty(0)
+            return None, np.empty(0), board_c
         force_g, rate_dps = self._stimulus(edges_s, middle)
         noise = mean_noise(self._noise, interval)
         slow_g, slow_dps = (
@@ -169,7 +191,17 @@ class SimulatedImu:
         drifting_dps = slow_dps + noise[len(NAMES) :]
         current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
         gyro_pps = self._gyros.output_pps(rate_dps, force_g, gyro_c, drifting_dps)
-        return current_a, self._gyros.clipped_pps(gyro_pps)
+        if self.input == "source":
+            current_a = self._from_source(middle)
+        return current_a, self._gyros.clipped_pps(gyro_pps), board_c
+
+    def _from_source(self, at_s: Array) -> Array:
+        """Currents of the accelerometer channels (3, n) with the accelerometers disconnected: that of the source."""
+        current_a = np.zeros((len(NAMES), len(at_s)))
+        fed = CHANNELS.index(self.fed_channel) if self.fed_channel else len(NAMES)
+        if fed < len(NAMES):
+            current_a[fed] = self._world.source_a(self.settings.source, at_s)
+        return current_a
 
     def _slow(self, true_s: float) -> tuple[Array, Array]:
         """Drift and warm-up of the biases of its accelerometers (g) and its gyros (°/s), (3,) each."""

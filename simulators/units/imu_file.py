@@ -13,15 +13,16 @@ from drivers.schema.fields import Celsius, PositiveSeconds, StrictModel
 from simulators.units.gyro import GyroModel
 from simulators.units.unit_file import (
     AccelerometerModel,
+    BoardCodes,
     CodesModel,
     ConverterModel,
-    CurrentCodes,
     Draw,
     DrawIn,
     Ratio,
     SupplyModel,
     TelemetryModel,
     ThermalModel,
+    ThermostatModel,
     UnitFile,
 )
 
@@ -65,6 +66,16 @@ class Accelerometers(StrictModel):
     z: ImuAccelerometer
     misalignment: Misalignment = Misalignment()
 
+    @model_validator(mode="after")
+    def _share_a_board(self) -> Accelerometers:
+        boards = {
+            (each.converter.in_chamber, each.converter.time_constant, each.converter.temperature)
+            for each in (self.x, self.y, self.z)
+        }
+        if len(boards) > 1:
+            raise ValueError("the converters share a board: in_chamber, time_constant and temperature are those of all")
+        return self
+
 
 class ZeroWarmUp(StrictModel):
     """A bias that decays exponentially from power-on."""
@@ -98,18 +109,22 @@ class GyroCodes(CodesModel):
 class ImuTelemetry(StrictModel):
     """A unit that sends codes; `clock` is the relative error of the clock by which all channels are sampled."""
 
-    accelerometers: CurrentCodes
+    accelerometers: BoardCodes
     gyros: GyroCodes
     clock: Ratio = Draw(0)
 
 
 class ImuThermal(StrictModel):
-    """Thermal response of the unit to the chamber: one case, and the sensors in it."""
+    """Thermal response of the unit to the chamber: one case, and the sensors in it.
+
+    A thermostat holds the accelerometers.
+    """
 
     case_time_constant: PositiveSeconds = 900.0
     accelerometer_time_constant: PositiveSeconds = 240.0
     gyro_time_constant: PositiveSeconds = 240.0
     self_heating: Celsius = 0.0
+    thermostat: ThermostatModel | None = None
 
 
 class ImuFile(StrictModel):
@@ -133,7 +148,12 @@ class ImuFile(StrictModel):
             title=f"{self.title}, accelerometer {axis}",
             accelerometer=AccelerometerModel.model_construct(**fields),
             converter=model.converter,
-            thermal=ThermalModel(),
+            thermal=ThermalModel.model_construct(
+                case_time_constant=self.thermal.case_time_constant,
+                sensor_time_constant=self.thermal.accelerometer_time_constant,
+                self_heating=self.thermal.self_heating,
+                thermostat=self.thermal.thermostat,
+            ),
             supply=self.supply,
             telemetry=None if self.telemetry is None else _sent(self.telemetry),
         )

@@ -37,6 +37,7 @@ class PlaceSettings:
     source: str = ""
     arm_m: Vector = NOWHERE
     decoding: Decoding | None = None
+    clock_deg: float = 0.0
 
     @property
     def through(self) -> Through:
@@ -49,7 +50,7 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` those of sent codes;
-    `thermometers` are their errors, by SENSORS.
+    `thermometers` are their errors, by SENSORS. `source` is the device that may feed one of its converters.
     """
 
     unit: ImuFile
@@ -58,6 +59,8 @@ class ImuPlace:
     mount_angle_deg: float
     thermometers: Mapping[str, ThermometerErrors]
     decodings: Mapping[str, Decoding] = field(default_factory=dict)
+    converter_thermometer: ThermometerErrors = PERFECT
+    source: str = ""
 
 
 @dataclass(frozen=True, slots=True)

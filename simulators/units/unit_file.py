@@ -194,15 +194,17 @@ class CurrentCodes(CodesModel):
     S: Annotated[Draw, DrawIn("code/A")]
 
 
-class TelemetryModel(CurrentCodes):
-    """The A/D converter of a unit that sends codes; `clock` is the relative error of the clock by which it samples.
-
-    It is on the board of the converter, at the same temperature.
-    """
+class BoardCodes(CurrentCodes):
+    """An A/D converter on the board of the converter, at the same temperature."""
 
     alpha: Annotated[Draw, DrawIn("1/°C")] = Draw(0)
     alpha2: Annotated[Draw, DrawIn("1/°C²")] = Draw(0)
     zero_drift: Annotated[Draw, DrawIn("code/°C")] = Draw(0)
+
+
+class TelemetryModel(BoardCodes):
+    """The A/D converter of a unit that sends codes; `clock` is the relative error of the clock by which it samples."""
+
     clock: Ratio = Draw(0)
 
 

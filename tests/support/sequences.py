@@ -66,4 +66,5 @@ ELSEWHERE = {
     "imu_start_up": ("imu", "imu_telemetry"),
     "imu_two_mountings": ("imu_two_axis",),
     **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
+    "channel_imu": ("channel_imu", "channel_imu_telemetry"),
 }

@@ -105,6 +105,31 @@ def test_eight_positions_tell_further_terms_as_large_as_they_are(eight_points):
     assert all(abs(each.value - 30e-6) < 4 * each.u + 3e-6 for each in asymmetry), "that of the unit file"
 
 
+@pytest.fixture(scope="module")
+def two_mounts(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("two")
+    bench, settings = perfect_bench(folder / "config"), ("steady_within=9 µg",)
+    request = RunRequest(
+        "tumble_clocked", bench=str(bench), preset="quick", seed=3, settings=settings, runs=folder / "r"
+    )
+    return run_one(request)
+
+
+def test_two_mounts_tell_both_couplings_and_misalignments_as_they_are_in_the_unit(two_mounts):
+    truth = json.loads((two_mounts / "truth.json").read_text("utf-8"))
+    unit, found = truth["units"]["a"], {each["quantity"]: each for each in results_of(two_mounts)["findings"]}
+    of_the_unit = {
+        "Kip": unit["kip"], "Kio": unit["kio"], "misalignment": unit["misalignment_o"],
+        "misalignment_y": -unit["misalignment_p"],
+    }  # fmt: skip
+    for quantity, true in of_the_unit.items():
+        products = 1e-7  # of misalignments and K2
+        assert abs(found[quantity]["value"] - true) < 4 * found[quantity]["u"] + products, quantity
+        assert found[quantity]["u"] < 3e-6
+    assert max(abs(each.ratio) for each in compare([two_mounts])) < 4
+    assert "not observable" not in (two_mounts / "report.html").read_text("utf-8")
+
+
 def test_the_report_names_what_the_angles_do_not_tell(eight_points, perfect_runs):
     eight, four = ((folder / "report.html").read_text("utf-8") for folder in (eight_points, perfect_runs[0]))
     assert "these angles cannot separate K3 from K1: K1 contains it" in four

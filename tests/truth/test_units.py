@@ -20,11 +20,12 @@ from campaigns.truth import bars, cells, units
 from campaigns.truth.altered import alter_file, times
 from campaigns.truth.campaign import ROOT, Comparison, full_bench
 from campaigns.truth.cells import METHODS, Cell, Line
-from campaigns.truth.foreign import DRIFT, FORMS, bench_errors
+from campaigns.truth.foreign import DRIFT, FORMS, Drifts, bench_errors
 from campaigns.truth.replay import replayed, template_of
 from simulators.units.gyro_file import GyroFile
 from simulators.units.imu_file import ImuFile
 from simulators.units.unit_file import UnitFile
+from simulators.world import World
 
 SHORT = (
     "temperatures=[20 °C, 40 °C, 60 °C, 40 °C, 20 °C]", "soak=30 min", "warm_up=0 s", "ramp_rate=3 °C/min", "gate=20 s",
@@ -59,7 +60,7 @@ def test_hysteresis_makes_no_coefficient_uncertain(hysteretic):
     assert min(found[name] for name in ("K0T1", "K0T2", "K0/temperature_coefficient")) > 0.3
 
 
-FILES = {"imu": ImuFile, "rate_gyro": GyroFile}
+FILES = {"imu": ImuFile, "imu_channels": ImuFile, "rate_gyro": GyroFile}
 
 
 @pytest.mark.parametrize("unit", sorted({method.unit for method in METHODS.values()}))
@@ -111,6 +112,21 @@ def test_every_form_of_errors_has_the_stated_standard_deviation(form, tmp_path):
     drifted = math.sqrt(1 + DRIFT**2 / 3) if form == "drifting" else 1.0
     assert drifted * np.std(offsets_c) == pytest.approx(0.3, rel=0.1)
     assert np.max(np.abs(offsets_c)) <= {"rectangular": 0.52, "at the limit": 0.3001}.get(form, np.inf)
+
+
+@pytest.mark.parametrize("name", ["simulated", "gyro", "channel_imu"])
+def test_errors_that_drift_go_from_side_to_side_of_those_that_were_drawn(name, tmp_path):
+    loaded = load_bench(full_bench(tmp_path, name)).bench
+    world = World(world_settings(loaded, unit_files(loaded, None), 1, 3600.0), lambda: 0.0)
+    (unit,) = (*world.units.values(), *world.gyros.values(), *world.imus.values())
+    thermometer = unit._thermometers[0] if name == "channel_imu" else unit._thermometer
+    drawn_c, level_deg = thermometer._errors.offset_c, world.kinematics._level.middle_deg
+    drifts = Drifts(world)
+    for share in (-1.0, 1.0):
+        drifts.go_to(share)
+        assert thermometer._errors.offset_c == pytest.approx(drawn_c * (1 + DRIFT * share))
+        assert thermometer._errors.drift_c == 0.0
+        assert world.kinematics._level.at(100.0) == pytest.approx(level_deg * (1 + DRIFT * share))
 
 
 def test_a_campaign_goes_on_where_it_was_stopped(tmp_path, monkeypatch):

@@ -44,6 +44,21 @@ class ChannelSettings(StrictModel):
         description="standard uncertainty of the temperature coefficient of the rate with the temperature of the "
         "accelerometer itself",
     )
+    bias_g: Annotated[float, InUnit("g")] = Field(
+        0.0,
+        alias="bias",
+        description="bias of the channel at the reference temperature, as by the calibration of its accelerometer; for "
+        "the conversion of its output to g",
+    )
+    bias_u_g: Annotated[float, InUnit("g", at_least=0)] = Field(
+        1e-3, alias="bias_u", description="standard uncertainty of that bias"
+    )
+    quadratic_g_per_g2: Annotated[float, InUnit("g/g²")] = Field(
+        0.0, alias="quadratic", description="second-order nonlinearity of the channel, K2, for the same conversion"
+    )
+    quadratic_u_g_per_g2: Annotated[float, InUnit("g/g²", at_least=0)] = Field(
+        20e-6, alias="quadratic_u", description="standard uncertainty of that nonlinearity"
+    )
     max_ramp_c_per_h: Annotated[float, InUnit("°C/h", above=0)] = Field(
         30.0, alias="max_ramp", description="a faster ramp is flagged"
     )
@@ -77,6 +92,7 @@ CHANNEL_TEMPERATURE = MethodDescription(
     settings=ChannelSettings,
     quantities=UNITS,
     counts_at="levels",
+    measures=("channel", "inertial unit"),
     drawn_by="bench.methods.channel.shown:channel_plots",
     after=("IEEE Std 530", "IEEE Std 1554"),
     rules="bench.methods.channel.rules:RULES",

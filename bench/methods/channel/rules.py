@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 from bench.config.document import Place
 from bench.config.models import BenchFile
+from bench.methods.channel.planned_levels import planned_levels
 from bench.sequence.checks.acquired import acquired_under, ramps_during, results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.document.model import ResultEntry
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.measuring import Acquire
+from bench.sequence.steps.talk import Prompt
 
 if TYPE_CHECKING:
     from bench.methods.channel.method import ChannelSettings
@@ -105,6 +107,40 @@ def no_points(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
             )
 
 
+def channel_left_out(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A channel of an inertial unit without a set-up at an input level that another of its channels has."""
+    if bench.axes:
+        return  # attitudes on a table
+    for place, entry, _ in _channels(plan):
+        for name, unit in bench.places.items():
+            levels = planned_levels(plan, bench, unit, entry.data) if unit.channels is not None else {}
+            every = set[str]().union(*levels.values())
+            lacking = [f"{sensor} at {', '.join(sorted(every - own))}" for sensor, own in levels.items() if every - own]
+            if lacking:
+                yield (
+                    (*place, "data"),
+                    f"the unit in place '{name}' is incomplete: no ramp of channel {'; '.join(lacking)}",
+                    "Add a set-up with the axis of the channel up (expect: {mount: …}), or with the source in it "
+                    "(expect: {input: source, channel: …})",
+                )
+
+
+def source_without_channel(plan: Plan, bench: BenchFile) -> Iterator[Found]:
+    """A prompt that plugs the source into an inertial unit without naming the channel."""
+    fed = [name for name, unit in bench.places.items() if unit.channels is not None and unit.source is not None]
+    if not fed or not any(True for _ in _channels(plan)):
+        return
+    for planned in plan:
+        expect = planned.step.expect if isinstance(planned.step, Prompt) else None
+        if expect is not None and expect.input == "source" and not expect.fed_channel:
+            yield (
+                (*planned.place, "expect"),
+                f"the unit in place '{fed[0]}' has a converter for each accelerometer; the prompt does not name the "
+                "one for the cable of the source",
+                "Name it: expect: {input: source, channel: acc_x}",
+            )
+
+
 def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]]:
     """Results of this method: place, entry and settings."""
     for place, entry in results_by(plan, METHOD):
@@ -116,6 +152,8 @@ def _channels(plan: Plan) -> Iterator[tuple[Place, ResultEntry, ChannelSettings]
 RULES = (
     Rule("no-ammeter", "error", "a bench has the ammeter that a method uses", no_ammeter),
     Rule("no-converter", "error", "the temperature of a channel's converter is measured", no_converter),
+    Rule("channel-left-out", "warning", "each channel of an inertial unit has every input level", channel_left_out),
+    Rule("source-without-channel", "error", "a prompt names the channel that a source feeds", source_without_channel),
     Rule("no-ramp", "error", "a channel over temperature is acquired during a ramp", no_ramp),
     Rule("no-points", "warning", "a channel is acquired at rest before and after its ramp", no_points),
     Rule("unsuited-ramp", "warning", "a ramp for a channel is long enough and slow enough", unsuited_ramp),

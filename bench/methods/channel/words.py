@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+REASONS = {
+    "decision_marginal": "the decision on this basis is marginal: it could change if the measurement is repeated",
+}
 READINGS = {
     "saturated": "as many pulses as the converter can give: its input is beyond its range",
     "stuck": "no pulse for much longer than the other rates imply",
@@ -40,6 +43,9 @@ QUANTITIES = {
         "the slopes are not the sum of a constant part and a part proportional to the output: the drift depends on "
         "the level in another way."
     ),
+    "channel_not_measured": (
+        "no acquisition has an input for it: no mount with its axis up, and no current into its channel."
+    ),
     "no_thermometer": "its temperature is not measured.",
     "not_certified": "it has no certificate: U does not include its gain, offset and drift.",
     "ammeter_missing": "the ammeter in the cable of the source has not read its current.",
@@ -63,9 +69,26 @@ HARDLY_ANY_GATES = "only {used} of {count} gates could be used"
 FEW_GATES = "fewer than half of its gates could be used, {used} of {count}"
 MANY_OUTLIERS = "too many outliers, {outliers} of {count} gates"
 THERMOSTAT = "the accelerometer was not at its temperature in {away} of {count} gates; that should end a run"
+OTHER_AXIS = (
+    "axis {axis} was along the vertical, unlike in mount '{mount}': the accelerometers read {read}. The acquisition is "
+    "not used. Fix the unit as the prompt of this set-up asks, and measure it again"
+)
+ATTITUDE = (
+    "the unit was not in mount '{mount}', or an accelerometer was not connected: the accelerometers read {read}. The "
+    "acquisition is not used. Fix the unit as the prompt of this set-up asks, and measure it again"
+)
+OTHER_CHANNEL = (
+    "the current of the source was in channel {found} instead of {channel}: at {level} g the channels read {read}. The "
+    "acquisition is not used. Plug the cable in as the prompt asks, and measure this channel again"
+)
+NO_CHANNEL = (
+    "the current of the source did not reach channel {channel}, nor another accelerometer channel: at {level} g the "
+    "channels read {read}. The acquisition is not used. Plug the cable in as the prompt asks, and measure this channel "
+    "again"
+)
 NOTES = (
     OWN_INVALID, OTHER_INVALID, UNCERTAIN_SLOPE, NO_RATE, OTHER_POLARITY, HARDLY_ANY_GATES, FEW_GATES, MANY_OUTLIERS,
-    THERMOSTAT,
+    THERMOSTAT, OTHER_AXIS, ATTITUDE, OTHER_CHANNEL, NO_CHANNEL,
 )  # fmt: skip
 OWN_SLOPE, SLOPE_FROM, SERVES_TOO = "slope its own", "slope from {level}", "which serves this level too"
 FORMS = (OWN_SLOPE, SLOPE_FROM, SERVES_TOO)
@@ -75,6 +98,7 @@ VARIABLES = {
 SOURCES = ("read-outs", "accelerometer", "source")
 
 WORDS = {
+    "REASONS": REASONS,
     "READINGS": READINGS,
     "QUANTITIES": QUANTITIES,
     "PARTS": PARTS,

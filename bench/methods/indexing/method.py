@@ -52,7 +52,9 @@ UNITS: Units = {
     "K1": f"{OUTPUT}/g",
     "K1_si": f"{OUTPUT}/(m/s²)",
     "misalignment": ("rad", "µrad"),
+    "misalignment_y": ("rad", "µrad"),
     "Kip": ("g/g²", "µg/g²"),
+    "Kio": ("g/g²", "µg/g²"),
     "K2": ("g/g²", "µg/g²"),
     "K3": ("g/g³", "µg/g³"),
     "scale_difference": ("1", "ppm"),
@@ -67,6 +69,8 @@ UNITS: Units = {
     "hysteresis": ("g", "µg"),
     "verification/largest": ("g", "µg"),
     "verification/rms": ("g", "µg"),
+    "verification/offset": ("g", "µg"),
+    "verification/scale": ("1", "ppm"),
 }
 INDEXING_STATIC = MethodDescription(
     name="indexing_static",
@@ -79,7 +83,8 @@ INDEXING_STATIC = MethodDescription(
     meaning=(
         "The unit is measured together with its converter, or with the resistor that its current flows through. K0 and "
         "K1 are means of both ends, so that they are free of the misalignment of the input axis and of its cross "
-        "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go."
+        "coupling; by the clocking K0 is free of the tilt of the seat too. K1 contains K3 as far as the angles go. Kip "
+        "is the coupling with Z, from both ends; Kio that with Y, from both sides, if the unit was measured there."
     ),
     words="bench.methods.indexing.words:WORDS",
     parts=(

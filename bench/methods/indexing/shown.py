@@ -185,8 +185,8 @@ def ends(data: RunData) -> Iterator[Span]:
     def name(acquisition: Acquisition) -> str:
         match kind_of(acquisition.step):
             case "sweep":
-                ups = [unit_axes(acquisition, unit, data.bench)[2, 2] > 0 for unit in data.units]
-                return " / ".join(dict.fromkeys(end_in_words("up" if up else "down") for up in ups))
+                ups = [unit_axes(acquisition, unit, data.bench)[:, 2] for unit in data.units]
+                return " / ".join(dict.fromkeys(map(_face_in_words, ups)))
             case "verification":
                 return tr("verification")
         return ""
@@ -194,3 +194,10 @@ def ends(data: RunData) -> Iterator[Span]:
     for called, members in groupby(data.acquisitions, key=name):
         together = list(members)
         yield Span(called, together[0].begin_s, together[-1].end_s)
+
+
+def _face_in_words(up: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
+    """Text of the end or side on which a unit stands; `up` is the vertical in its axes."""
+    if abs(up[2]) >= abs(up[1]):
+        return end_in_words("up" if up[2] > 0 else "down")
+    return tr("+Y up") if up[1] > 0 else tr("+Y down")

@@ -25,6 +25,15 @@ UNITS = {
         "in one orientation: only the equation of the other orientation is determined, for tests in that "
         "orientation."
     ),
+    "verification:corrected": (
+        "The readings of the verification differ from the equation of their end by more than their uncertainty "
+        "explains (F test, 95 %): bias or scale factor have changed since the sweeps. The corrected equation is the "
+        "line through these readings; the equation for use in orbit is still that of the sweeps."
+    ),
+    "sides:incomplete": (
+        "The unit was not measured, or not with enough usable readings, both with its +Y up and with its +Y down: its "
+        "cross coupling with Y and its misalignment towards Y are not determined."
+    ),
     "invalid": "The readings of one orientation do not give a calibration.",
     "ill_conditioned": "The angles hardly separate the terms of the model.",
     "marginal": "The calibration is marginal: the temperature changed, or both ends differ by more than allowed.",
@@ -58,11 +67,14 @@ NOTES = (
 )  # fmt: skip
 ORBIT = ("U the output", "a along the input axis in g")
 ON_THE_GROUND = {"up": "on the ground with +Z up", "down": "on the ground with +Z down"}
+CORRECTED = "corrected by the verification"
 ENDS = ("s = +1 with +Z up", "-1 with it down")
-FORMS = (*ORBIT, *ON_THE_GROUND.values(), *ENDS)
+FORMS = (*ORBIT, *ON_THE_GROUND.values(), CORRECTED, *ENDS)
 WHERE = {
     "end up": "+Z up",
     "end down": "+Z down",
+    "side up": "+Y up",
+    "side down": "+Y down",
     "model": "model of all readings",
     "clock": "clock",
 }

@@ -42,6 +42,8 @@ UNITS: Units = {
     "K1T2": ("1/°C²", "ppm/°C²"),
     "K3": ("g/g³", "µg/g³"),
     "Kip": ("g/g²", "µg/g²"),
+    "Kio": ("g/g²", "µg/g²"),
+    "misalignment_y": ("rad", "µrad"),
     "asymmetry": ("1", "ppm"),
     "K0/hysteresis": ("g", "µg"),
     "K0/closure": ("g", "µg"),
@@ -86,4 +88,35 @@ REPEATABILITY = MethodDescription(
     quantities=REPEATABILITY_UNITS,
     first_dwell=1,
     drawn_by="bench.methods.tumble.shown_repeatability:repeated_shown",
+)
+
+
+class VerifyCompensationSettings(ScalePerDegree):
+    """Settings of the verification of a calibration: prior knowledge of the unit."""
+
+
+VERIFICATION_UNITS: Units = {
+    "K0/left": ("g", "µg"),
+    "K1/left": ("1", "ppm"),
+    "K0/left_largest": ("g", "µg"),
+    "K1/left_largest": ("1", "ppm"),
+    "tilt/left_largest": "°",
+    "tilt/verified": "°",
+}
+VERIFY_COMPENSATION = MethodDescription(
+    name="verify_compensation",
+    title="Verification of a calibration over temperature, out of sample (method M4)",
+    target="bench.methods.tumble.reduction.verification:reduce",
+    rules="bench.methods.tumble.rules:RULES",
+    words="bench.methods.tumble.words:WORDS",
+    settings=VerifyCompensationSettings,
+    quantities=VERIFICATION_UNITS,
+    needs_calibration=True,
+    meaning=(
+        "The output of the unit is converted by its released calibration from an earlier run, at the temperatures of "
+        "its own thermometer. What is left is the error of a user of the unit who compensates it: bias and relative "
+        "scale factor at each dwell, and the tilt that a level unit would indicate. The uncertainty is that of this "
+        "measurement."
+    ),
+    after=("IEEE Std 1293",),
 )

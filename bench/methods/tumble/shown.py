@@ -7,8 +7,11 @@ from collections.abc import Iterator
 from bench.figures.languages import tr
 from bench.figures.plots import Plot, unit_plots
 from bench.figures.sheet import Sheet
+from bench.figures.words import quantity_in_words
 from bench.methods.tumble.reduction.run import TumbleAngles
 from bench.metrology.results.finding import UnitResult
+
+OF_SECOND_MOUNT = ("misalignment_y", "Kio")
 
 
 def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
@@ -27,14 +30,22 @@ def _separated_terms(found: TumbleAngles) -> Sheet:
     }
     rows = [(tr("K0, K1, K2, misalignment"), by_itself)]
     rows += [(tr(term), by_itself if term in found.extra else words) for term, words in inside.items()]
-    rows += [
-        ("Kpp", tr("in one mounting not separable from K0 and K2 at any angles: aᵢ² + aₚ² is 1")),
-        (
-            tr("Kio, Koo, the other misalignment"),
-            tr("not observable: they need a second mounting, rotated about the input axis"),
-        ),
-    ]
-    caption = tr(
-        "The terms of the model equation, by {count} angles of the input axis in one mounting.", count=found.angles
-    )
+    if set(OF_SECOND_MOUNT).isdisjoint(found.extra):
+        caption = tr(
+            "The terms of the model equation, by {count} angles of the input axis in one mounting.", count=found.angles
+        )
+        rows += [
+            ("Kpp", tr("in one mounting not separable from K0 and K2 at any angles: aᵢ² + aₚ² is 1")),
+            (
+                tr("Kio, Koo, the other misalignment"),
+                tr("not observable: they need a second mounting, rotated about the input axis"),
+            ),
+        ]
+    else:
+        caption = tr(
+            "The terms of the model equation, by {count} angles of the input axis, clocked by 90° about it too.",
+            count=found.angles,
+        )
+        rows += [(quantity_in_words(term), by_itself) for term in OF_SECOND_MOUNT if term in found.extra]
+        rows.append(("Kpp, Koo", tr("not separable from K0 and K2 at any angles: the squares of both axes add to 1")))
     return Sheet(tr("What the tumble can separate"), caption, ((tr("Term"), ""), (tr("In this run"), "")), tuple(rows))

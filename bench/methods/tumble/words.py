@@ -6,6 +6,9 @@ REASONS = {
     "extrapolated": "its reference temperature is outside the measured temperatures",
 }
 UNITS = {
+    "calibration:extrapolated": (
+        "Some dwells are outside of the temperatures of the calibration, whose curves keep their end values there."
+    ),
     "not_closed": (
         "Back at the first temperature, the bias differed from its first value by more than the method's "
         "closure_limit: every verdict is marginal."
@@ -32,4 +35,10 @@ CONDITIONS = {
 }
 SOURCES = ("residuals of the model", "scatter of the readings of a tumble")
 
-WORDS = {"REASONS": REASONS, "UNITS": UNITS, "QUANTITIES": QUANTITIES, "CONDITIONS": CONDITIONS, "SOURCES": SOURCES}
+WORDS = {
+    "REASONS": REASONS,
+    "UNITS": UNITS,
+    "QUANTITIES": QUANTITIES,
+    "CONDITIONS": CONDITIONS,
+    "SOURCES": SOURCES,
+}

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
+from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import Linearity
 from bench.metrology.least_squares import Array
 from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
@@ -24,7 +25,7 @@ class Compensation:
 
     `offset` is in the unit of the output, `bias` in that of the value; None means zero. With a `linearity` this is its
     x, and the value is its v. For people: `serves` names the inputs of the calibration, `found_at_c` its temperature,
-    if it was a single one.
+    if it was a single one. `force` is what specific force over a record needs beside the curves.
     """
 
     channel: str
@@ -36,6 +37,7 @@ class Compensation:
     linearity: Linearity | None = None
     serves: tuple[str, ...] = ()
     found_at_c: float | None = None
+    force: ForceTerms | None = None
 
     @property
     def valid_c(self) -> tuple[float, float] | None:
@@ -57,6 +59,7 @@ class Compensation:
             **({} if self.linearity is None else {"linearity": self.linearity.to_json()}),
             **({"serves": list(self.serves)} if self.serves else {}),
             **({"found_at_c": self.found_at_c} if self.found_at_c is not None else {}),
+            **({"force": self.force.to_json()} if self.force is not None else {}),
         }
 
     def apply(self, output: Array, temperature_c: Array, beyond: Beyond = "hold") -> tuple[Array, NDArray[np.bool_]]:
@@ -64,20 +67,23 @@ class Compensation:
 
         Out of range the curves keep their end values, or the value is NaN. It is also NaN for missing data.
         """
-        outside = np.zeros(len(temperature_c), dtype=np.bool_)
-        held_c = temperature_c
-        if self.valid_c is not None:
-            low_c, high_c = self.valid_c
-            outside = (temperature_c < low_c) | (temperature_c > high_c)
-            held_c = np.where(outside & (beyond == "reject"), np.nan, np.clip(temperature_c, low_c, high_c))
+        held_c, outside = self.held(temperature_c, beyond)
         offset, scale, bias = (
-            _values(curve, held_c) if curve is not None else 0.0 for curve in (self.offset, self.scale, self.bias)
+            values_of(curve, held_c) if curve is not None else 0.0 for curve in (self.offset, self.scale, self.bias)
         )
         value = np.asarray((output - offset) / scale - bias)
         if self.linearity is None:
             return value, outside
         value, beyond_range = self.linearity.true(value)
         return np.where(beyond_range & (beyond == "reject"), np.nan, value), outside | beyond_range
+
+    def held(self, temperature_c: Array, beyond: Beyond) -> tuple[Array, NDArray[np.bool_]]:
+        """Temperatures (n,) at which its curves are taken, and a mask of those out of range: held, or NaN."""
+        if self.valid_c is None:
+            return temperature_c, np.zeros(len(temperature_c), dtype=np.bool_)
+        low_c, high_c = self.valid_c
+        outside = (temperature_c < low_c) | (temperature_c > high_c)
+        return np.where(outside & (beyond == "reject"), np.nan, np.clip(temperature_c, low_c, high_c)), outside
 
 
 def _valid_c(curve: Curve) -> tuple[float, float] | None:
@@ -90,7 +96,8 @@ def _valid_c(curve: Curve) -> tuple[float, float] | None:
             return None
 
 
-def _values(curve: Curve, temperature_c: Array) -> Array:
+def values_of(curve: Curve, temperature_c: Array) -> Array:
+    """Values (n,) of a curve at temperatures (n,)."""
     match curve:
         case TemperatureModel():
             return np.asarray(polynomial.polyval((temperature_c - curve.centre) / curve.scale, curve.coefficients))

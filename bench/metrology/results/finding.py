@@ -51,7 +51,8 @@ class Finding:
     """One result of one unit. `at` are its conditions, `steps` the steps of the run it is from.
 
     A largest value, a standard deviation and a settling time are not linear functions of the readings; they have an
-    `interval` beside their budget.
+    `interval` beside their budget. `monthly_drift` is the specified largest change in a month, in its unit; it is no
+    part of the uncertainty.
     """
 
     id: str
@@ -67,6 +68,7 @@ class Finding:
     verdict: Verdict | None = None
     flags: tuple[str, ...] = ()
     interval: Interval | None = None
+    monthly_drift: float | None = None
 
     @property
     def u(self) -> float:

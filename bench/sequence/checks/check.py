@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from bench.sequence.method import OUTPUT_UNITS, MethodDescription, known_methods
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import angles_before
 from bench.sequence.plan.subsequences import declared_at
-from bench.sequence.steps.limits import unit_problems
+from bench.sequence.steps.limits import ratio_problem, unit_problems
 from drivers.capabilities import OUTPUT, READING, THERMOMETER
 from drivers.quantity.units import quoted
 from drivers.schema.suggest import did_you_mean
@@ -99,6 +99,7 @@ def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
         except ValidationError as error:
             yield from problems(plan.document.value, error, (*place, "settings"))
         yield from _result_limits(entry, method, bench, (*place, "limits"))
+        yield from _drifts(entry, method, bench, (*place, "monthly_drift"))
 
 
 def _result_limits(
@@ -108,15 +109,34 @@ def _result_limits(
 
     Without a bench the unit of any output is accepted, as long as all keys of a limit agree.
     """
-    on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
-    anywhere = [(unit, unit) for unit in OUTPUT_UNITS]
     for name, limit in entry.limits.items():
         if name not in method.quantities:
-            yield (*place, name), f"{entry.method} has no result {quoted(name)}{did_you_mean(name, method.quantities)}"
+            yield (*place, name), _no_result(name, method)
             continue
-        found = [list(unit_problems(limit, method.units(*units)[name])) for units in sorted(on_bench) or anywhere]
-        wrong = max(found, key=len) if on_bench else min(found, key=len)
+        found = [list(unit_problems(limit, units[name])) for units in _units(method, bench)]
+        wrong = max(found, key=len) if bench else min(found, key=len)
         yield from (((*place, name, key), problem) for key, problem in wrong)
+
+
+def _drifts(entry: ResultEntry, method: MethodDescription, bench: BenchFile | None, place: Place) -> Iterator[Problem]:
+    """Problems of specified drifts, as of limits."""
+    for name, value in entry.monthly_drift.items():
+        if name not in method.quantities:
+            yield (*place, name), _no_result(name, method)
+            continue
+        found = [ratio_problem(value, units[name]) for units in _units(method, bench)]
+        if wrong := max(found, key=len) if bench else min(found, key=len):
+            yield (*place, name), wrong
+
+
+def _units(method: MethodDescription, bench: BenchFile | None) -> list[Mapping[str, str]]:
+    """Units of the results for each kind of unit on a bench; without one, for every output that there is."""
+    on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
+    return [method.units(*each) for each in sorted(on_bench) or [(unit, unit) for unit in OUTPUT_UNITS]]
+
+
+def _no_result(name: str, method: MethodDescription) -> str:
+    return f"{method.name} has no result {quoted(name)}{did_you_mean(name, method.quantities)}"
 
 
 def _labels(document: Document) -> Iterator[str | None]:

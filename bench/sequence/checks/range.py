@@ -15,6 +15,7 @@ from bench.sequence.steps.orienting import Pose
 from bench.sequence.steps.stimulus import Move, Oscillate, Rotate
 
 RATE, ACCELERATION = "°/s", "g"
+UPRIGHT = 0.5  # sine of the angle at 0° from which a channel is not the one that is measured
 SAME = 1e-9  # relative; a value exactly at the end of a range is within it
 
 
@@ -60,7 +61,7 @@ def _input_deg(head_deg: float, bench: BenchFile, place: PlaceEntry, pose: Pose)
 def _by_gravity(step: Move, bench: BenchFile, place: PlaceEntry, pose: Pose) -> tuple[float, float]:
     """Largest gravity component (g) along the input axis during a move, excluding its start, and at its end.
 
-    0 on tables with several axes.
+    0 on tables with several axes, and for a channel that may be overloaded while another one is measured.
     """
     from_deg = pose.angles_deg.get(step.role, 0.0)
     options = bench.devices[bench.members(step.role)[0]].options
@@ -69,7 +70,9 @@ def _by_gravity(step: Move, bench: BenchFile, place: PlaceEntry, pose: Pose) -> 
     low, high = min(begin, *ends), max(begin, *ends)
     if math.isnan(low + high):
         return 0.0, 0.0
-    clock = abs(math.cos(math.radians(bench.fixture.mount(pose.mount).clock)))
+    if place.overload and abs(math.sin(math.radians(_input_deg(0.0, bench, place, pose)))) > UPRIGHT:
+        return 0.0, 0.0
+    clock = abs(math.cos(math.radians(bench.fixture.mount(pose.mount).clock + place.clock)))
     *_, at_target = along = [clock * abs(math.sin(math.radians(each))) for each in ends]
     goes_upright = math.floor((high - 90) / 180) > math.floor((low - 90) / 180)  # the way passes ±90°
     return clock if goes_upright else max(along), at_target

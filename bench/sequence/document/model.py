@@ -120,18 +120,30 @@ def _without_names(raw: Any, _handler: Any) -> LimitEntry:
     return LimitEntry.model_validate(raw)
 
 
+def _positive(raw: Any) -> Quantity:
+    value = quantity(raw)
+    if value.base_value <= 0:
+        raise telling(f"is {in_words(value)}, expected more than 0")
+    return value
+
+
 class ResultEntry(StrictModel):
     """A reduction of the acquisitions under a label."""
 
     method: str = Field(description="the name of an installed method")
     data: Name = Field(description="the label of the acquisitions")
-    settings: Any = Field(
-        default_factory=dict, description="settings of the method; a value may be `${…}` over parameters"
-    )
+    settings: Any = Field(default_factory=dict, description="settings of the method")
     closure: Name | None = Field(
         None, description="the label of acquisitions at the beginning and at the end, compared as a stability check"
     )
     limits: Mapping[str, Annotated[LimitEntry, WrapValidator(_without_names)]] = {}
+    monthly_drift: Mapping[str, Annotated[Quantity, PlainValidator(_positive), WithJsonSchema(QUANTITY_SCHEMA)]] = (
+        Field(
+            {},
+            description="specified largest change of results of the unit in a month, in their unit or as a ratio: "
+            "stated in the report, not judged in this run; the next calibration is compared with it",
+        )
+    )
 
     @property
     def labels(self) -> tuple[str, ...]:

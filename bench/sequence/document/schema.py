@@ -10,9 +10,8 @@ from bench.sequence.document.model import ResultEntry, SequenceFile
 from bench.sequence.language.values import VALUE_SCHEMA
 from bench.sequence.method import known_methods
 from bench.sequence.steps.verbs import BLOCKS
-from drivers.schema.fields import UNIT_KEYWORD
+from drivers.schema.fields import EXPRESSION, UNIT_KEYWORD
 
-EXPRESSION = r"^\$\{.*\}$"
 _WORDS = {"description", "default"}  # for parts whose value the schema does not describe
 _STEP = {"$ref": "#/$defs/AnyBlock"}
 
@@ -28,11 +27,11 @@ def sequence_schema() -> Schema:
     result["allOf"] = []
     for name, method in sorted(methods.items()):
         settings = {"settings": method.settings}
-        limits = {"limits": {"propertyNames": {"enum": list(method.quantities)}}}
+        names = {"propertyNames": {"enum": list(method.quantities)}}
+        limits = {"limits": names, "monthly_drift": names}
         then = object_of({"settings": refs[method.settings], **limits}, settings)
         result["allOf"].append(when("method", name, then))
-    for method in methods.values():
-        _or_expressions(schema["$defs"][method.settings.__name__]["properties"])
+        _allow_expressions(schema["$defs"][method.settings.__name__]["properties"])
     for model in BLOCKS.values():
         properties = schema["$defs"][model.__name__]["properties"]
         properties.update({key: VALUE_SCHEMA | found for key, found in properties.items() if not found.keys() - _WORDS})
@@ -45,13 +44,12 @@ def sequence_schema() -> Schema:
     return without_unused(schema)
 
 
-def _or_expressions(properties: Schema) -> None:
-    """Allow an expression for settings that are no quantities, such as a choice or a count."""
-    for key, found in properties.items():
-        if found.keys() & {"enum", "const"} or found.get("type") in ("integer", "number"):
-            value = {word: part for word, part in found.items() if word not in _WORDS}
-            words = {word: part for word, part in found.items() if word in _WORDS}
-            properties[key] = words | {"anyOf": [value, {"type": "string", "pattern": EXPRESSION}]}
+def _allow_expressions(properties: dict[str, Any]) -> None:
+    """Allow an expression for every setting with a list of permitted texts."""
+    for name, found in properties.items():
+        if "enum" in found:
+            choice = {key: found.pop(key) for key in ("enum", "type") if key in found}
+            properties[name] = {**found, "anyOf": [choice, {"type": "string", "pattern": EXPRESSION}]}
 
 
 def _complete(node: Any) -> None:

@@ -1,6 +1,7 @@
 """Readings that steps can use: a named reading of the bench, a channel of a device, a pulse rate.
 
-Another one is the output of the unit in a place, in g by its nominal scale factor, whatever measures it.
+Another one is the output of the unit in a place, in g by its nominal scale factor, whatever measures it; of an inertial
+unit that of one accelerometer.
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ def problem_with(name: str, needs: Mapping[str, str], bench: BenchFile | None) -
 
 def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
     """Reason why the output of a single unit cannot be measured; empty if it can."""
-    role, dot, place = name.partition(".")
+    role, dot, rest = name.partition(".")
+    place, _, sensor = rest.partition(".")
     if not dot:
         known = next(iter(bench.places), "PLACE") if bench is not None else "PLACE"
         return f"'{role}' is the output of all units; name one by its place: {role}.{known}"
@@ -48,8 +50,14 @@ def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
         return ""
     if place not in bench.places:
         return f"the bench has no unit in place '{place}'{did_you_mean(place, bench.places)}"
-    if bench.places[place].channels is not None:
-        return f"the inertial unit in place '{place}' has several outputs; name a channel of its counter"
+    sensors = bench.places[place].accelerometers
+    if sensors and sensor not in sensors:
+        return (
+            f"the inertial unit in place '{place}' has several outputs; name one of its accelerometers, such as "
+            f"{role}.{place}.acc_x, or a channel of its counter"
+        )
+    if sensor and not sensors:
+        return f"the unit in place '{place}' has one output; name it {role}.{place}"
     if bench.nominal_per_g(place) is None:
         parts = " and ".join(bench.places[place].output_per_g_keys)
         return f"places.{place} of the bench file has no nominal {parts}, which its output in g needs"
@@ -57,8 +65,9 @@ def _problem_with_unit(name: str, bench: BenchFile | None) -> str:
 
 
 def measured_place(name: str, bench: BenchFile) -> str | None:
-    """Place of the unit whose output ROLE.PLACE means; None for any other reading."""
-    role, _, place = name.partition(".")
+    """Place of the unit whose output ROLE.PLACE or ROLE.PLACE.SENSOR means; None for any other reading."""
+    role, _, rest = name.partition(".")
+    place = rest.partition(".")[0]
     return place if role not in bench.devices and place in bench.places else None
 
 

@@ -15,7 +15,7 @@ from bench.sequence.document.model import PHASES, Outline
 from bench.sequence.document.outline import block_around
 from bench.sequence.language.expressions import Value
 from bench.sequence.plan.plan import Node, Nodes, Plan
-from bench.sequence.plan.result_settings import evaluated_results
+from bench.sequence.plan.result_settings import with_settings
 from bench.sequence.plan.scope import Scope, names_mentioned
 from bench.sequence.plan.subsequences import Called, call_parameters, read_called, refuse_too_deep
 from bench.sequence.plan.unroll import Raw, Wrong, nodes_of, wrong_at
@@ -57,12 +57,10 @@ def expand(
         )  # fmt: skip
     except TooManySteps as problem:
         expansion.problems.append((problem.place, str(problem)))
-    results = evaluated_results(outline.results, parameters, expansion.problems)
-    outline = outline.model_copy(
-        update={"needs": expansion.needs, "interlocks": expansion.interlocks, "results": results}
-    )
+    outline = outline.model_copy(update={"needs": expansion.needs, "interlocks": expansion.interlocks})
+    outline, wrong_settings = with_settings(outline, parameters)
     plan = Plan(document, outline, parameters, preset, setup=setup, steps=steps, teardown=teardown)
-    return plan, expansion.problems
+    return plan, [*expansion.problems, *wrong_settings]
 
 
 class TooManySteps(Exception):
@@ -134,7 +132,7 @@ class DocumentPass:
             for key, raw in block.items()
         }
         if not found:
-            looked_at = block[verb] if verb in ("measure", "wait_until") else None
+            looked_at = str(ready[verb]) if verb in ("measure", "wait_until") else ""
             found = scope.misfits(model, ready, here, self._measured(looked_at) if looked_at else None)
         if not found:
             owner, inner = self._document.owner(here)

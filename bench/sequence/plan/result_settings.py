@@ -1,53 +1,48 @@
-"""Settings of results that follow from the parameters of a run."""
+"""Settings of results with their expressions evaluated: they may name the parameters of the sequence."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
-from bench.config.document import Problem
-from bench.sequence.document.model import Outline, ResultEntry
-from bench.sequence.language.expressions import Value
-from bench.sequence.language.values import value_of
-from bench.sequence.plan.scope import Scope, names_mentioned
-from drivers.quantity.quantities import Quantity
-from drivers.quantity.units import NO_DIMENSION
+from bench.config.document import Place, Problem
+from bench.sequence.document.model import Outline
+from bench.sequence.language.expressions import Value, ValueProblem
+from bench.sequence.language.values import as_written, holds_expression, value_of
 
-
-def evaluated_results(
-    results: Sequence[ResultEntry], parameters: Mapping[str, Value], found: list[Problem]
-) -> tuple[ResultEntry, ...]:
-    """Results with the expressions of their settings evaluated; problems are added to `found`, without the setting."""
-    scope = Scope("steps", "results", parameters, {}, {})
-
-    def evaluated(index: int, entry: ResultEntry) -> ResultEntry:
-        before = len(found)
-        settings = scope.evaluated(entry.settings, ("results", index, "settings"), found)
-        if len(found) > before:
-            settings = {key: value for key, value in settings.items() if value is not None}
-        return entry.model_copy(update={"settings": _plain(settings)})
-
-    return tuple(evaluated(index, entry) for index, entry in enumerate(results))
+AnyOutline = TypeVar("AnyOutline", bound=Outline)
 
 
-def _plain(value: Any) -> Any:
-    """The same with numbers for quantities without a dimension, as they are written in a file."""
-    if isinstance(value, Mapping):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    if isinstance(value, Quantity) and value.dimension == NO_DIMENSION:
-        number = value.base_value
-        return int(number) if number.is_integer() else number
-    return value
+def with_settings(outline: AnyOutline, parameters: Mapping[str, Value]) -> tuple[AnyOutline, list[Problem]]:
+    """Return the outline with the settings of its results evaluated, and the problems of expressions."""
+    found: list[Problem] = []
+    results = []
+    for index, entry in enumerate(outline.results):
+        settings = _evaluated(entry.settings, parameters, ("results", index, "settings"), found)
+        results.append(entry.model_copy(update={"settings": settings}))
+    return outline.model_copy(update={"results": tuple(results)}), found
 
 
-def kept_parameters(outline: Outline, written: Mapping[str, str]) -> dict[str, Value]:
-    """Parameters that the settings of results mention, from their texts in a manifest."""
-    mentioned = names_mentioned([entry.settings for entry in outline.results])
-    lists = {name for name, parameter in outline.parameters.items() if isinstance(parameter.default, tuple)}
-    return {
-        name: value_of(text.split(", ") if name in lists else text)
+def as_chosen(outline: AnyOutline, written: Mapping[str, str]) -> AnyOutline:
+    """Return the outline of a run with its settings evaluated; `written` are its parameters as in the manifest."""
+    parameters = {
+        name: value_of(text.split(", ") if isinstance(outline.parameters[name].default, tuple) else text)
         for name, text in written.items()
-        if name in mentioned
+        if name in outline.parameters
     }
+    return with_settings(outline, parameters)[0]
+
+
+def _evaluated(raw: Any, parameters: Mapping[str, Value], place: Place, found: list[Problem]) -> Any:
+    if isinstance(raw, Mapping):
+        return {key: _evaluated(value, parameters, (*place, key), found) for key, value in raw.items()}
+    if isinstance(raw, list):
+        return [_evaluated(value, parameters, (*place, index), found) for index, value in enumerate(raw)]
+    if not holds_expression(raw):
+        return raw
+    try:
+        value = value_of(raw, parameters)
+    except ValueProblem as problem:
+        found.append((place, f"{place[-1]}: {problem}"))
+        return raw
+    return [as_written(each) for each in value] if isinstance(value, tuple) else as_written(value)

@@ -15,7 +15,7 @@ from bench.sequence.language.expressions import Value, ValueProblem, names_in
 from bench.sequence.language.values import holds_expression, in_words, value_of
 from bench.sequence.plan.plan import Waiting
 from drivers.quantity.quantities import Quantity
-from drivers.quantity.units import QuantityError, customary_unit, quoted
+from drivers.quantity.units import NO_DIMENSION, QuantityError, customary_unit, quoted
 from drivers.schema.fields import InUnit
 
 TEXTS = ("note", "alarm", "prompt")  # keys of texts, which may contain expressions
@@ -98,8 +98,8 @@ class Scope(NamedTuple):
                 part = part.get(key) if isinstance(part, Mapping) else None
             value = self.value(part) if self.waits(part) else None
             try:
-                if isinstance(value, Quantity):
-                    value.to(unit)
+                if isinstance(value, Quantity) and not (keys[-1] == "u_max" and value.dimension == NO_DIMENSION):
+                    value.to(unit)  # a largest uncertainty may be a ratio
             except QuantityError as problem:
                 found.append(((*place, *keys), f"{keys[-1]}: {problem}"))
         return found
@@ -136,7 +136,7 @@ def _units(model: type[BaseModel], reading: Value | None) -> Iterator[tuple[tupl
     if isinstance(reading, Quantity):
         unit = customary_unit(reading.dimension)
         yield from (((key,), unit) for key in ("above", "below"))
-        yield from ((("limits", key), unit) for key in ("min", "max", "target", "tolerance", "marginal"))
+        yield from ((("limits", key), unit) for key in ("min", "max", "target", "tolerance", "marginal", "u_max"))
 
 
 def unit_of(parts: tuple[Any, ...]) -> str | None:

@@ -1,4 +1,4 @@
-"""Limits in a document: min and max, or a target with its tolerance; guard band, marginal band."""
+"""Limits in a document: min and max, or a target with its tolerance; guard band, marginal band; largest uncertainty."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bench.sequence.language.expressions import ValueProblem
 from bench.sequence.language.values import QUANTITY_SCHEMA, holds_expression, in_words, value_of
 from bench.sequence.steps.fields import is_known
 from drivers.quantity.quantities import Quantity
-from drivers.quantity.units import NO_DIMENSION, QuantityError
+from drivers.quantity.units import NO_DIMENSION, QuantityError, parse_unit
 from drivers.schema.fields import UNKNOWN, InUnit, StrictModel, is_deferred
 from drivers.schema.wording import expected, telling
 
@@ -43,6 +43,7 @@ _FORMS: JsonDict = {
         {"anyOf": [{"required": ["min"]}, {"required": ["max"]}], "properties": {"target": False}},
         {"required": ["target", "tolerance"], "properties": {"min": False, "max": False, "relative": False}},
         {"required": ["target", "relative"], "properties": {"min": False, "max": False, "tolerance": False}},
+        {"required": ["u_max"], "properties": dict.fromkeys(("min", "max", "target", "guard", "marginal"), False)},
     ],
     "dependentRequired": {"tolerance": ["target"], "relative": ["target"]},
 }
@@ -52,7 +53,9 @@ class LimitEntry(StrictModel):
     """Limits of a value: from min to max, or target ± tolerance (in its unit) or ± relative (a ratio of it).
 
     With guard, a value passes only if it is inside by at least that many of its standard uncertainties. It is marginal
-    if a limit is closer than marginal, by default its expanded uncertainty.
+    if a limit is closer than marginal, by default its expanded uncertainty. With u_max, alone or beside other limits, a
+    value passes only if its standard uncertainty is known and at most that: otherwise it is invalid, because the bench
+    and not the unit is at fault.
     """
 
     model_config = ConfigDict(json_schema_extra=_FORMS)
@@ -67,6 +70,10 @@ class LimitEntry(StrictModel):
         None, description="distance from a limit below which a value is marginal; default: its expanded uncertainty"
     )
 
+    u_max: Bound = Field(
+        None, description="largest standard uncertainty, in the unit of the value or as a ratio of it, such as 20 ppm"
+    )
+
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
         if problem := self._problem_of_keys() or self._problem_of_sizes():
@@ -79,12 +86,18 @@ class LimitEntry(StrictModel):
         if self.target is None:
             if widths:
                 return f"{widths[0]} needs a target"
-            return "" if has_sides else "needs min or max, or both, or a target with its tolerance"
+            return "" if has_sides else self._problem_without_sides()
         if has_sides:
             return "give min and max, or a target with its tolerance, not both"
         if not widths:
             return "a target needs tolerance, ± in its unit, or relative, ± a ratio of it"
         return "give tolerance or relative, not both" if len(widths) > 1 else ""
+
+    def _problem_without_sides(self) -> str:
+        bands = [key for key in ("guard", "marginal") if getattr(self, key) is not None]
+        if self.u_max is None:
+            return "needs min or max, or both, or a target with its tolerance, or u_max"
+        return f"{bands[0]} needs min or max, or a target with its tolerance" if bands else ""
 
     def _problem_of_sizes(self) -> str:
         """Problem of the known values; their unit is checked by the caller."""
@@ -102,6 +115,8 @@ class LimitEntry(StrictModel):
             return "the target and its tolerance together are no finite number"
         if self.marginal is not None and self.marginal.base_value < 0:
             return f"marginal is {in_words(self.marginal)}, expected at least 0"
+        if self.u_max is not None and self.u_max.base_value <= 0:
+            return f"u_max is {in_words(self.u_max)}, expected more than 0"
         return ""
 
     def _width_of(self, target: Quantity) -> float:
@@ -135,18 +150,40 @@ def unit_problems(entry: LimitEntry, unit: str) -> Iterator[tuple[str, str]]:
                 value.to(unit)
         except QuantityError as problem:
             yield key, f"{key}: {problem}"
+    if entry.u_max is not None and (wrong := ratio_problem(entry.u_max, unit)):
+        yield "u_max", f"u_max: {wrong}"
+
+
+def ratio_problem(value: Quantity, unit: str) -> str:
+    """Problem of a value known to be neither in a unit nor a ratio; empty without one."""
+    try:
+        if is_known(value):
+            value_or_ratio(unit, value)
+    except QuantityError as problem:
+        return f"{problem}, or a ratio, such as 20 ppm"
+    return ""
 
 
 def limits_in(entry: LimitEntry, unit: str) -> Limits:
     """Limits as numbers in `unit`; QuantityError if they are in another dimension."""
     low, high = entry.sides
+    u_max, u_max_relative = (None, None) if entry.u_max is None else value_or_ratio(unit, entry.u_max)
     return Limits(
         low=_in(unit, low),
         high=_in(unit, high),
         target=_in(unit, entry.target),
         guard_k=entry.guard,
         marginal=_in(unit, entry.marginal),
+        u_max=u_max,
+        u_max_relative=u_max_relative,
     )
+
+
+def value_or_ratio(unit: str, value: Quantity) -> tuple[float | None, float | None]:
+    """Value in `unit` and None, or None and a ratio if it has no dimension and `unit` has one; QuantityError."""
+    if value.dimension == NO_DIMENSION and parse_unit(unit).dimension != NO_DIMENSION:
+        return None, value.base_value
+    return value.to(unit), None
 
 
 def _in(unit: str, value: Quantity | None) -> float | None:

@@ -10,7 +10,7 @@ from bench.config.interlocks import ReadingName
 from bench.sequence.steps.fields import Resumed, StepBase, choice_of, one_of
 from bench.sequence.steps.limits import LimitEntry
 from bench.sequence.steps.nested import Steps
-from drivers.schema.fields import AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
+from drivers.schema.fields import OR_EXPRESSION, AnyQuantity, Flag, InUnit, Name, PositiveSeconds, StrictModel
 from drivers.schema.wording import telling
 
 
@@ -79,11 +79,11 @@ class Measure(StepBase):
 
     A reading is a named one, DEVICE.CHANNEL, or the pulse rate of a counter channel, which needs a time. So does
     OUTPUT.PLACE, where OUTPUT is a need of kind output: the output of the unit in a place, by whatever instrument, in g
-    by its nominal scale factor. `as` is its name in later expressions. With `net`, the value of the last `tare` is
-    subtracted. Readings from before the step are not used.
+    by its nominal scale factor; of an inertial unit OUTPUT.PLACE.acc_x, acc_y or acc_z. `as` is its name in later
+    expressions. With `net`, the value of the last `tare` is subtracted. Readings from before the step are not used.
     """
 
-    reading: ReadingName = Field(alias="measure")
+    reading: Annotated[ReadingName, OR_EXPRESSION] = Field(alias="measure")
     duration_s: PositiveSeconds | None = Field(
         None, alias="for", description="averaging time; without it, the newest value"
     )

@@ -193,11 +193,14 @@ def _unit_at_zero(bench: BenchFile, mount_name: str | None) -> Rows:
     """
     fixture = bench.fixture
     mount = fixture.mount(mount_name if mount_name in fixture.mounts else None)
-    own = {place.mount_angle for place in bench.places.values()}
+    own = {(place.mount_angle, place.clock) for place in bench.places.values()}
     if len(own) > 1:
         raise Unreachable("the units are oriented differently in their places: their mount angles are not the same")
     x, z = _whole(fixture.x), _whole(fixture.z)
-    turns_deg = [("y", -mount.angle), ("x", mount.roll), ("z", mount.clock), ("y", -next(iter(own)))]
+    raised_deg, clocked_deg = next(iter(own))
+    turns_deg = [
+        ("y", -mount.angle), ("x", mount.roll), ("z", mount.clock), ("y", -raised_deg), ("z", clocked_deg),
+    ]  # fmt: skip
     rows: Rows = (x, _cross(z, x), z)
     for axis, angle_deg in turns_deg:
         quarters = angle_deg / QUARTER_DEG

@@ -10,10 +10,11 @@ from pydantic import AfterValidator, Field, model_validator
 from bench.sequence.steps.fields import Resumed, StepBase, Text
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import QuantityError, parse_unit
-from drivers.schema.fields import NOT_EMPTY, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
+from drivers.schema.fields import NOT_EMPTY, OR_EXPRESSION, AnyQuantity, FileBeside, Name, PositiveSeconds, StrictModel
 from drivers.schema.wording import telling
 
 DONE = "done"
+NO_CHANNEL = "none"
 A_DAY_S = 86400.0
 
 
@@ -72,18 +73,32 @@ class TypedInput(StrictModel):
 class PhysicalChange(StrictModel):
     """Change that a person makes by hand; in simulation, a simulated technician makes it."""
 
-    mount: Name | None = Field(None, description="the mount of the fixture to which the unit is attached")
+    mount: Annotated[Name, OR_EXPRESSION] | None = Field(
+        None, description="the mount of the fixture to which the unit is attached"
+    )
     input: Literal["accelerometer", "source"] | None = Field(
         None,
         description="the input of the converter: its accelerometer (at the beginning of a run), "
         "or the cable of the current source",
+    )
+    channel: Annotated[Literal["acc_x", "acc_y", "acc_z", "none"], OR_EXPRESSION] | None = Field(
+        None,
+        description="with `input: source`, of an inertial unit: the channel into whose converter the cable is plugged; "
+        "none for other units",
     )
 
     @model_validator(mode="after")
     def _something(self) -> Self:
         if not self.model_fields_set:
             raise telling("names nothing to change; write for instance {mount: upright}")
+        if self.channel not in (None, NO_CHANNEL) and self.input != "source":
+            raise telling("channel is for the cable of a source: give input: source as well")
         return self
+
+    @property
+    def fed_channel(self) -> str:
+        """Channel of an inertial unit that the source feeds; empty for other units."""
+        return "" if self.channel in (None, NO_CHANNEL) else self.channel
 
 
 class Prompt(StepBase):

@@ -31,13 +31,15 @@ DEVIATION = ".deviation"  # added to the name of a channel
 class Stimulus:
     """Stimulus of the units: angles of the axes moved so far, mount, and currents of sources that are on, in A.
 
-    `moving` are the axes whose angles are not known; `input` is what feeds the converters.
+    `moving` are the axes whose angles are not known; `input` is what feeds the converters, of inertial units that of
+    the channel `input_channel`.
     """
 
     angles_deg: Mapping[str, float] = field(default_factory=dict)
     moving: frozenset[str] = frozenset()
     mount: str | None = None
     input: str = "accelerometer"
+    input_channel: str = ""
     sources_a: Mapping[str, float] = field(default_factory=dict)
 
     def after(self, event: Event, axes: Sequence[str]) -> Stimulus:
@@ -60,6 +62,7 @@ class Stimulus:
             self, angles_deg={**self.angles_deg, **moved},
             moving=self.moving.difference(axes if "angles_deg" in data else moved),
             mount=data.get("mount", self.mount), input=data.get("input", self.input),
+            input_channel=data.get("input_channel", "") if "input" in data else self.input_channel,
             sources_a=sources_on(self.sources_a, data),
         )  # fmt: skip
 
@@ -69,7 +72,7 @@ class Expectation:
     """Expected output of a sensor of the unit in a place, in `unit`.
 
     `per_g` is the change of its output for 1 g, `per_a` for 1 A of the source of the place. `row` is that of its axis
-    in the orientation of the unit: the input axis, or x, y and z.
+    in the orientation of the unit: the input axis, or x, y and z. `channel` is that of an inertial unit.
     """
 
     bench: BenchFile
@@ -78,16 +81,20 @@ class Expectation:
     per_g: float
     per_a: float | None = None
     row: int = 0
+    channel: str = ""
 
     def at(self, acts: Stimulus) -> float | None:
         """Return the expected output; None if it is not known."""
         entry, fixture = self.bench.places[self.place], self.bench.fixture
         if entry.source is not None and acts.input == "source":
-            return None if self.per_a is None else self.per_a * acts.sources_a.get(entry.source, 0.0)
+            fed = acts.input_channel in ("", self.channel)
+            return None if self.per_a is None else self.per_a * fed * acts.sources_a.get(entry.source, 0.0)
         if acts.moving or (self.bench.axes and not acts.angles_deg):
             return None
         turns = [(points, acts.angles_deg.get(role, 0.0)) for role, points in self.bench.axes.items()]
-        axes = turned_axes(turns, fixture.x, fixture.z, mount_of(self.bench, acts.mount), entry.mount_angle)
+        axes = turned_axes(
+            turns, fixture.x, fixture.z, mount_of(self.bench, acts.mount), (entry.mount_angle, entry.clock)
+        )
         return self.per_g * float(axes[self.row, 2])
 
 
@@ -112,10 +119,10 @@ def _expectations(bench: BenchFile) -> Iterator[tuple[str, Expectation]]:
         if per_g is None or nominal is None:
             continue
         per_a = None if nominal.K1 is None else per_g / nominal.K1
-        sensors = entry.channels and (entry.channels.acc_x, entry.channels.acc_y, entry.channels.acc_z)
-        for row, channel in enumerate(sensors or (entry.channel or entry.telemetry or entry.voltmeter,)):
+        sensors = entry.accelerometers or {"": entry.channel or entry.telemetry or entry.voltmeter or ""}
+        for row, (sensor, channel) in enumerate(sensors.items()):
             if channel in names:
-                yield names[channel], Expectation(bench, place, bench.output_unit(place), per_g, per_a, row)
+                yield names[channel], Expectation(bench, place, bench.output_unit(place), per_g, per_a, row, sensor)
 
 
 def course(tail: Tail, bench: BenchFile) -> list[tuple[float, Stimulus]]:

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from bench.errors import StoreError
+from bench.metrology.results.limits import U_TOO_LARGE
 from bench.store.kept_json import NUMBER, TEXT, TRUTH, list_of, named, nullable, object_of, read_kept
 from bench.store.runs import RunSummary
 
@@ -20,7 +21,9 @@ _FINDING = object_of(
     {
         "id": TEXT, "uut": TEXT, "quantity": TEXT, "name": TEXT, "value": NUMBER, "unit": TEXT, "u": NUMBER,
         "k": NUMBER, "expanded": NUMBER, "limits": nullable(named(NUMBER)), "verdict": nullable(TEXT),
-        "marginal": TRUTH, "flags": list_of(TEXT), "budget": list_of(_LINE), "at": named(_ANY),
+        "u_max": nullable(NUMBER), "monthly_drift": nullable(NUMBER), "marginal": TRUTH, "flags": list_of(TEXT),
+        "budget": list_of(_LINE),
+        "at": named(_ANY),
     },
     ("id", "uut", "quantity", "name", "value", "unit", "u", "verdict"),
 )  # fmt: skip
@@ -58,6 +61,8 @@ class FindingView(_Model):
     expanded: float = Field(description="expanded uncertainty U")
     low: float | None = None
     high: float | None = None
+    u_max: float | None = Field(None, description="largest permitted standard uncertainty")
+    monthly_drift: float | None = Field(None, description="specified largest change in a month")
     verdict: str | None = None
     marginal: bool = False
     flags: list[str] = []
@@ -66,7 +71,7 @@ class FindingView(_Model):
     @property
     def is_judged(self) -> bool:
         """True if it has a limit."""
-        return self.low is not None or self.high is not None
+        return any(limit is not None for limit in (self.low, self.high, self.u_max))
 
     @property
     def margin(self) -> float:
@@ -151,6 +156,8 @@ def _reasons(found: list[FindingView]) -> Iterator[str]:
             side = "low" if each.low is not None and each.value < each.low else "high"
             limit = each.low if side == "low" else each.high
             yield f"{each.uut}: {each.id}: {each.value:.6g} {each.unit} is beyond the limit {limit:.6g} {each.unit}"
+        elif each.verdict == INVALID and U_TOO_LARGE in each.flags and each.u_max is not None:
+            yield f"{each.uut}: {each.id}: u {each.u:.3g} {each.unit} is above its limit {each.u_max:.3g} {each.unit}"
         elif each.verdict == INVALID:
             yield f"{each.uut}: {each.id} is invalid: {', '.join(each.flags) or 'its uncertainty is not known'}"
 
@@ -161,5 +168,6 @@ def _finding(content: Mapping[str, Any]) -> FindingView:
     return FindingView(
         id=content["id"], uut=content["uut"], quantity=content["quantity"], name=content["name"],
         value=content["value"], unit=content["unit"], u=content["u"], verdict=content["verdict"],
-        expanded=content.get("expanded", 2.0 * content["u"]), low=limits.get("min"), high=limits.get("max"), **known,
+        expanded=content.get("expanded", 2.0 * content["u"]), low=limits.get("min"), high=limits.get("max"),
+        u_max=content.get("u_max"), monthly_drift=content.get("monthly_drift"), **known,
     )  # fmt: skip

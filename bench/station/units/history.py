@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from bench.errors import StoreError
 from bench.station.runs.findings import FindingView, read_findings
 from bench.station.units.control_chart import LEAST, RULES, control_chart
-from bench.station.units.trends import Calibration, drift, e_n, reaches_limit
+from bench.station.units.trends import Calibration, change, drift, e_n, reaches_limit
 from bench.store.runs import RunSummary
 
 BENCH_COPY, SEQUENCE_COPY = "bench.yaml", "sequence.yaml"
@@ -25,6 +25,15 @@ READABLE = ("completed", "failed")
 
 class _Model(BaseModel):
     model_config = ConfigDict(frozen=True)
+
+
+class ChangeView(_Model):
+    """Change of a result since the calibration before, against the drift that its sequence specified."""
+
+    value: float
+    expanded: float
+    allowed: float = Field(description="a month of the specified drift for each month between, at least one")
+    within: bool | None = Field(description="null: the uncertainty of the change reaches over what is allowed")
 
 
 class PointView(_Model):
@@ -38,6 +47,7 @@ class PointView(_Model):
     high: float | None
     verdict: str | None
     e_n: float | None = None
+    change: ChangeView | None = Field(None, description="against the drift that the calibration before specifies")
     signals: list[str] = Field([], description="rules of the control chart that it completes")
 
 
@@ -202,6 +212,7 @@ def _series(key: str, found: list[_Found]) -> SeriesView:
             run=each.run.id, at=each.at, value=each.finding.value, expanded=each.finding.expanded,
             low=each.finding.low, high=each.finding.high, verdict=each.finding.verdict, signals=signals.get(n, []),
             e_n=e_n(calibrations[n - 1], calibrations[n]) if n else None,
+            change=_change(found[n - 1], each) if n else None,
         )
         for n, each in enumerate(found)
     ]  # fmt: skip
@@ -211,6 +222,14 @@ def _series(key: str, found: list[_Found]) -> SeriesView:
         quantity=finding.quantity, name=finding.name, at=finding.at, unit=finding.unit, points=points,
         drift=_drift(calibrations, finding), chart=_chart(chart), shared=_shared(calibrations),
     )  # fmt: skip
+
+
+def _change(before: _Found, now: _Found) -> ChangeView | None:
+    """Change against the drift that the earlier calibration specifies; None without one."""
+    if before.finding.monthly_drift is None:
+        return None
+    found = change(before.calibration, now.calibration, before.finding.monthly_drift)
+    return ChangeView(value=found.value, expanded=found.expanded, allowed=found.allowed, within=found.is_within)
 
 
 def _shared(calibrations: list[Calibration]) -> list[str]:

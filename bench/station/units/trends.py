@@ -17,6 +17,7 @@ import numpy.typing as npt
 from bench.metrology.results.coverage import COVERAGE, coverage_factor
 
 YEAR = timedelta(days=365.25)
+MONTH = YEAR / 12
 LEAST_SPAN = timedelta(days=1)  # of calibrations that show a drift
 AHEAD_YEARS, STEPS_PER_YEAR = 10, 365
 INCONSISTENT = 0.95  # quantile of the chi-squared distribution
@@ -88,6 +89,35 @@ def covariance(found: Sequence[Calibration]) -> Array:
     return matrix
 
 
+class Change(NamedTuple):
+    """Change of a result between two calibrations, its U, and by how much it may change by a specification."""
+
+    value: float
+    expanded: float
+    allowed: float
+
+    @property
+    def is_within(self) -> bool | None:
+        """True or False if the change ± U is within the specification or beyond it; None if U reaches over it."""
+        if abs(self.value) + self.expanded <= self.allowed:
+            return True
+        return False if abs(self.value) - self.expanded > self.allowed else None
+
+
+def change(first: Calibration, second: Calibration, monthly: float) -> Change:
+    """Change between two calibrations against a specified drift in a month.
+
+    A shorter time counts as a month, in which the unit may change by the whole figure.
+    """
+    months = max(abs(second.at - first.at) / MONTH, 1.0)
+    return Change(second.value - first.value, _expanded_of_difference(first, second), monthly * months)
+
+
+def _expanded_of_difference(first: Calibration, second: Calibration) -> float:
+    matrix = covariance((first, second))
+    return COVERAGE * math.sqrt(max(float(matrix[0, 0] + matrix[1, 1] - 2.0 * matrix[0, 1]), 0.0))
+
+
 def e_n(first: Calibration, second: Calibration) -> float | None:
     """E_n of two calibrations, with the sign of the change; None if their difference has no uncertainty.
 
@@ -95,9 +125,8 @@ def e_n(first: Calibration, second: Calibration) -> float | None:
     u²(x₂ - x₁) = u₁² + u₂² - 2·cov(x₁, x₂) (JCGM 100:2008, equation 13), with the errors that both share in the
     covariance, and U = 2·u.
     """
-    matrix = covariance((first, second))
-    squared = float(matrix[0, 0] + matrix[1, 1] - 2.0 * matrix[0, 1])
-    return (second.value - first.value) / (COVERAGE * math.sqrt(squared)) if squared > 0.0 else None
+    expanded = _expanded_of_difference(first, second)
+    return (second.value - first.value) / expanded if expanded > 0.0 else None
 
 
 def drift(found: Sequence[Calibration]) -> Drift | None:

@@ -20,8 +20,8 @@ CHART_WIDTH, CHART_HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 640.0, 220.0, 92.0, 14.0, 
 
 
 def bullet(finding: FindingView) -> Markup:
-    """Bullet chart of a result: the band between its limits, its value and U; empty for a result without limits."""
-    if not finding.is_judged:
+    """Bullet chart of a result: the band between its limits, its value and U; empty without limits of the value."""
+    if finding.low is None and finding.high is None:
         return Markup("")
     low, high = _span(finding)
     width = high - low

@@ -66,16 +66,16 @@ class ShownFinding:
     @property
     def limits(self) -> str:
         """Limits in words."""
-        low, high = (None if each is None else f"{each * self.factor:.6g}" for each in self._sides)
+        found = self.finding
+        low, high = (None if each is None else f"{each * self.factor:.6g}" for each in (found.low, found.high))
         if low is not None and high is not None:
-            return tr("{low} to {high}", low=low, high=high)
-        if low is not None:
-            return tr("at least {low}", low=low)
-        return tr("at most {high}", high=high) if high is not None else ""
-
-    @property
-    def _sides(self) -> tuple[float | None, float | None]:
-        return self.finding.low, self.finding.high
+            sides = tr("{low} to {high}", low=low, high=high)
+        elif low is not None:
+            sides = tr("at least {low}", low=low)
+        else:
+            sides = tr("at most {high}", high=high) if high is not None else ""
+        allowed_u = "" if found.u_max is None else tr("u at most {u_max}", u_max=f"{found.u_max * self.factor:.6g}")
+        return tr(", ").join(filter(None, (sides, allowed_u)))
 
     @property
     def flags(self) -> str:
@@ -106,6 +106,11 @@ def scaled(value: float, expanded: float, quantity: str, unit: str) -> str:
     """Return a value ± U in the displayed unit of its quantity, without the unit."""
     factor, _ = scale_shown(quantity, unit)
     return with_expanded(value * factor, expanded * abs(factor))
+
+
+def bound(value: float, quantity: str, unit: str) -> str:
+    """Return a bound in the displayed unit of its quantity, without the unit."""
+    return f"{value * abs(scale_shown(quantity, unit)[0]):.6g}"
 
 
 def difference(value: float, expanded: float, quantity: str, unit: str) -> str:

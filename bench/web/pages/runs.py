@@ -28,7 +28,16 @@ from bench.web.api import results, signoff
 from bench.web.pages import charts
 from bench.web.pages.entries_shown import facts_in_words, kind_in_words
 from bench.web.pages.render import form_of, language_of, page, person_of
-from bench.web.pages.results_shown import ShownFinding, clock, conditions, difference, mark, scaled, state_in_words
+from bench.web.pages.results_shown import (
+    ShownFinding,
+    bound,
+    clock,
+    conditions,
+    difference,
+    mark,
+    scaled,
+    state_in_words,
+)
 from bench.web.pages.signing import decision_of, signing_of
 from bench.web.patience import TooSoonError
 from bench.web.services import Services, Station
@@ -38,7 +47,7 @@ AT_ONCE = 50
 REPORTED_WITHIN = timedelta(minutes=2)
 Words: dict[str, Any] = {
     "clock": clock, "mark": mark, "state_in_words": state_in_words, "scaled": scaled, "difference": difference,
-    "conditions": conditions, "quantity_in_words": quantity_in_words, "scale_shown": scale_shown,
+    "bound": bound, "conditions": conditions, "quantity_in_words": quantity_in_words, "scale_shown": scale_shown,
     "shown": ShownFinding, "facts_in_words": facts_in_words, "kind_in_words": kind_in_words, "bullet": charts.bullet,
     "answer_text": answer_text,
 }  # fmt: skip

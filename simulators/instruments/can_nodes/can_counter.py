@@ -219,7 +219,8 @@ class SimulatedCounter(CanNode):
         if place is not None:
             return self._world.counted[place].thermometer_c(at_s)
         if board is not None:
-            return self._world.units[board].converter_thermometer_c(at_s)
+            units = self._world.units if board in self._world.units else self._world.imus
+            return units[board].converter_thermometer_c(at_s)
         if of_imu is not None:
             return self._world.imus[of_imu[0]].thermometer_c(of_imu[1], at_s)
         return np.full(len(at_s), BOARD_C)

@@ -425,6 +425,9 @@ def test_a_net_measurement_needs_a_tare(tmp_path):
         ("target: 20 °C, tolerance: 2 °C, guard: 2", "PASS", False),
         ("min: 19.8 °C, guard: 2", "FAIL", True),
         ("target: 20 °C, tolerance: 0.2 °C, guard: 2", "INVALID", True),
+        ("u_max: 0.4 °C", "PASS", False),
+        ("min: 15 °C, u_max: 0.2 °C", "INVALID", False),
+        ("max: 15 °C, u_max: 0.2 °C", "FAIL", False),
     ],
 )
 def test_a_measurement_is_held_against_its_limits_and_the_run_goes_on(tmp_path, limits, verdict, marginal):

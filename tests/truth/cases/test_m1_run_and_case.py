@@ -47,7 +47,7 @@ def by_the_case(data: RunData, folder, *, clocked: bool) -> dict[str, float]:
             )
         )
         for each in readings
-        if each.kind == "sweep"
+        if each.kind == "sweep" and each.face == "Z"
     ]
     turned = [{"psi_deg": np.degrees(each.clock_rad), "V": each.output} for each in readings if each.kind == "clocking"]
     settings = {"mount": {"angle3_rad": LEVEL_RAD, "angle4_rad": PLATFORM_RAD}}

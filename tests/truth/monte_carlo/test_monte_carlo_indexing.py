@@ -32,11 +32,13 @@ PERFECT = replace(
 )
 UNIT = UnitUnderTest("a", "S1", "", 0.0, "t", voltmeter="dvm", nominal_per_g=1000.0)
 K0, K1, MISALIGNMENT, KIP = 1e-4, 1000.0, 2e-4, 1e-5
+MISALIGNMENT_Y, KIO = -3e-4, 2e-5
 NOISE_G = 15e-9
 ONE_WAY_DEG = (0.0, 0.25, 0.5)
 WAYS = (("forward", ONE_WAY_DEG), ("reverse", ONE_WAY_DEG[::-1]))
 SWEEP = [(sign * angle, way) for sign in (1, -1) for way, angles in WAYS for angle in angles]
 ENDS = {"up": Mount("end_up"), "down": Mount("end_down", roll_deg=180.0)}
+SIDES = {"+y": Mount("side_up", roll_deg=90.0), "-y": Mount("side_down", roll_deg=-90.0)}
 CLOCKED = tuple(Mount(f"clock_{angle}", clock_deg=float(angle)) for angle in (0, 90, 180, 270))
 
 
@@ -54,7 +56,7 @@ class Run:
         self._backlash_rad = np.radians(BACKLASH_U_DEG) * size * rng.standard_normal()
         self.acquisitions, self._stand, self._head_deg, self._came_from = [], 0, -1.0, ""
         self._stands_rad = 0.0
-        for end, mount in ENDS.items():
+        for end, mount in {**ENDS, **SIDES}.items():
             for angle_deg, way in SWEEP:
                 self._read(f"steps/end={end}/{way}={angle_deg:g}", {way: angle_deg}, angle_deg, mount)
         for mount in CLOCKED:
@@ -75,9 +77,10 @@ class Run:
     def _read(self, group, loops, angle_deg, mount):
         self._go(angle_deg)
         turn = np.radians(angle_deg) + self.head_rad(angle_deg) + self.level_rad + self._stands_rad
-        down, clock = np.cos(np.radians(mount.roll_deg)), np.radians(mount.clock_deg)
-        along, normal = np.sin(turn) * np.cos(clock), down * np.cos(turn)
+        roll, clock = np.radians((mount.roll_deg, mount.clock_deg))
+        along, normal, across = np.sin(turn) * np.cos(clock), np.cos(roll) * np.cos(turn), np.sin(roll) * np.cos(turn)
         force_g = along + MISALIGNMENT * normal + KIP * along * normal + K0 + NOISE_G * self._rng.standard_normal()
+        force_g += MISALIGNMENT_Y * across + KIO * along * across
         read_v = K1 * force_g * (1 + self.gain) + self.offset_v
         number = len(self.acquisitions)
         self.acquisitions.append(
@@ -95,7 +98,7 @@ class Run:
         return {
             "K0": K0, "K1": K1, "K1_si": K1 / self.gravity_mps2, "misalignment": MISALIGNMENT, "Kip": KIP,
             "scale_difference": 2 * KIP, "bias": K1 * K0, "bias_corrected": K1 * K0, "b3": K1 * level_g,
-            "b5": K1 * head_g,
+            "b5": K1 * head_g, "misalignment_y": MISALIGNMENT_Y, "Kio": KIO,
         }  # fmt: skip
 
 
@@ -124,7 +127,20 @@ def perfect():
     return trials(perfect=True)
 
 
-QUANTITIES = ("K0", "K1", "K1_si", "misalignment", "Kip", "scale_difference", "bias", "bias_corrected", "b3", "b5")
+QUANTITIES = (
+    "K0",
+    "K1",
+    "K1_si",
+    "misalignment",
+    "Kip",
+    "scale_difference",
+    "bias",
+    "bias_corrected",
+    "b3",
+    "b5",
+    "Kio",
+    "misalignment_y",
+)
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -133,7 +149,9 @@ def test_the_uncertainties_are_those_of_repeated_calibrations(full, quantity):
     assert scatter == pytest.approx(u, rel=0.1)
 
 
-@pytest.mark.parametrize("quantity", ["K0", "K1", "misalignment", "Kip", "scale_difference", "bias"])
+@pytest.mark.parametrize(
+    "quantity", ["K0", "K1", "misalignment", "Kip", "scale_difference", "bias", "Kio", "misalignment_y"]
+)
 def test_without_errors_of_the_bench_the_scatter_of_the_readings_is_all_there_is(perfect, quantity):
     scatter, u = np.sqrt(np.mean(perfect[quantity] ** 2, axis=0))
     assert scatter == pytest.approx(u, rel=0.1)

@@ -45,6 +45,7 @@ def test_some_options_take_one_value_and_some_take_several():
     assert sum(each.once for each in every) > 60
     assert {each.name for each in every if each.settings["action"] == "append" and not each.once} == {
         "--set", "--alert-route", "--calibration", "--uut", "--unit", "--driver", "--name", "--bench", "--scope",
+        "--at-start",
     }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from bench.errors import InputError, StoreError
+from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import Linearity
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.second_order import NAMES, second_order
@@ -85,6 +86,31 @@ def test_what_a_program_writes_it_reads_again(tmp_path):
     output, temperature_c = np.array([1.0, 11000.0, -5.0]), np.array([-20.0, 20.0, 69.0])
     assert read.apply(output, temperature_c)[0].tolist() == written.apply(output, temperature_c)[0].tolist()
     assert read.valid_c == written.valid_c == (-30.0, 60.0)
+
+
+def test_force_terms_are_read_as_they_were_written(tmp_path):
+    curve = TemperatureModel("", "", "", "pulse/s/g", 20.0, 1.0, (1e4, -0.1), (0.2, 1e-3), valid_c=(0.0, 40.0))
+    knots = KnotModel("", "", "", "pulse/s", (0.0, 40.0), (1.0, 2.0), (0.1, 0.2))
+    terms = ForceTerms(
+        Constant(2e-5, "g/g²", 1e-6),
+        (-1.0, 1.0),
+        {"y": Constant(1e-3, "rad", 1e-5)},
+        ((1.0, 0.5), (0.5, 1.0)),
+        3e-6,
+        1e-6,
+    )
+    written = Compensation("x", "pulse/s", "g", curve, knots, Constant(1e-3, "g", 1e-6), force=terms)
+    read = of_one(tmp_path, written).compensations()["x"]
+    assert read.force == terms
+    assert (read.scale.u, read.offset.u, read.bias.u) == (curve.u, knots.u, 1e-6)
+
+
+def test_a_row_without_a_channel_is_of_the_only_rate_beside_one_in_g(tmp_path):
+    rate = {**CHANNEL, "channel": "x@up_1g", "value": "pulse/s", "scale": {"value": 2.0, "unit": "1"}, "offset": None}
+    known = calibration(tmp_path, channels=[rate, CHANNEL])
+    found = rows(tmp_path, "T_C,output,channel\n20,3,\n20,11300,x\n", known)
+    assert float(found[0]["value"]) == 1.5
+    assert float(found[1]["value"]) == pytest.approx((11300 - 3.0) / 11300)
 
 
 def of_one(folder, known):

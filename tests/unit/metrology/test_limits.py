@@ -116,7 +116,56 @@ def test_a_value_is_marginal_on_both_sides_of_a_limit(value, u, width, marginal)
     assert judge(value, u, Limits(low=10, high=20, marginal=width)).marginal == marginal
 
 
+@pytest.mark.parametrize(
+    ("limits", "u", "judgement"),
+    [
+        (Limits(u_max=0.2), 0.2, (PASS, False, None)),
+        (Limits(u_max=0.2), 0.21, (INVALID, False, "u_too_large")),
+        (Limits(u_max=0.2), None, (INVALID, False, "u_unknown")),
+        (Limits(u_max_relative=0.02), 0.2, (PASS, False, None)),
+        (Limits(u_max_relative=0.02), 0.21, (INVALID, False, "u_too_large")),
+        (Limits(low=5, high=20, u_max=0.2), 0.1, (PASS, False, None)),
+        (Limits(low=5, high=20, u_max=0.2), 0.3, (INVALID, False, "u_too_large")),
+        (Limits(low=11, u_max=0.2), 0.3, (FAIL, False, "u_too_large")),
+        (Limits(low=11, u_max=0.2), 0.1, (FAIL, False, None)),
+        (Limits(low=9.5, guard_k=2, u_max=0.2), 0.3, (INVALID, True, "u_too_large")),
+        (Limits(low=9.5, guard_k=3, u_max=0.2), 0.2, (FAIL, False, "guard_band")),
+    ],
+)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_value_whose_uncertainty_is_above_its_limit_is_never_accepted(limits, u, judgement, sign):
+    if sign < 0:  # the mirror image has the same verdict
+        turned = {"low": limits.high, "high": limits.low}
+        limits = limits._replace(**{side: None if value is None else -value for side, value in turned.items()})
+    assert judge(sign * 10.0, u, limits) == judgement
+
+
 # Findings
+
+
+def test_an_uncertainty_above_its_limit_leaves_the_unit_undecided_and_is_in_the_results():
+    limits = limits_in(entry(u_max="20 ppm"), "pulse/s/g")
+    one, other = (finding(-1e4, u, "K1", "pulse/s/g").judged(limits) for u in (0.2, 0.3))
+    assert (one.verdict, one.flags, other.verdict, other.flags) == (PASS, (), INVALID, ("u_too_large",))
+    unit = UnitResult("a", "QF-1", (one, other), (), (), ())
+    assert unit.verdict == "INCOMPLETE"
+    content = Results("T", "INCOMPLETE", (unit,)).to_json()["findings"]
+    assert [(each["u_max"], each["limits"]) for each in content] == [(pytest.approx(0.2), None)] * 2
+    (row,) = verdict_rows(unit, {"K1": limits}, {"K1": "pulse/s/g"})
+    assert row.bands == "u at most 20 ppm of the value"
+    assert row.remark.startswith("its standard uncertainty is above the limit u_max")
+
+
+def test_a_finding_without_a_budget_does_not_keep_a_limit_of_its_uncertainty():
+    judged = finding(0.0, u=0.0).judged(Limits(u_max=1e-3))
+    assert (judged.verdict, judged.flags) == (INVALID, ("u_unknown",))
+
+
+def test_the_worst_of_several_is_the_one_whose_uncertainty_is_closest_to_its_limit():
+    limits = Limits(u_max=1e-3)
+    found = tuple(finding(value, u).judged(limits) for value, u in ((1.0, 1e-4), (2.0, 9e-4), (3.0, 1e-5)))
+    (row,) = verdict_rows(UnitResult("a", "QF-1", found, (), (), ()), {"K0": limits}, {"K0": "g"})
+    assert row.value.startswith("2000000")
 
 
 def finding(value, u=1e-4, quantity="K0", unit="g", **more):
@@ -179,6 +228,10 @@ def entry(**keys):
         ({"target": 1, "tolerance": "100 ppm"}, "1", Limits(0.9999, 1.0001, 1)),
         ({"max": "5 mg", "guard": 1.64, "marginal": "50 µg"}, "g", Limits(None, 5e-3, None, 1.64, 5e-5)),
         ({"max": "${2 * '5 mg'}", "guard": "${1 + 1}"}, "g", Limits(None, 0.01, None, 2)),
+        ({"u_max": "20 ppm"}, "pulse/s/g", Limits(u_max_relative=2e-5)),
+        ({"u_max": "20 ppm"}, "1", Limits(u_max=2e-5)),
+        ({"u_max": "20 µg", "max": "5 mg"}, "g", Limits(None, 5e-3, u_max=2e-5)),
+        ({"u_max": "0.1 mrad"}, "rad", Limits(u_max=1e-4)),
     ],
 )
 def test_limits_are_numbers_in_the_unit_of_the_result(keys, unit, limits):
@@ -202,6 +255,7 @@ def test_in_a_loop_limits_may_wait_for_the_value_of_an_expression():
         {"target": "${set_point}", "tolerance": "0 °C"},
         {"target": "${set_point}", "max": "1 °C"},
         {"max": "${set_point}", "marginal": "-1 °C"},
+        {"max": "${set_point}", "u_max": "0 °C"},
         {"target": "1e308 °C", "tolerance": "1e308 °C"},
         {"target": "-1e200 °C", "relative": "1e200"},
     ],
@@ -218,6 +272,9 @@ def test_every_key_in_another_unit_is_told():
         ("tolerance", "tolerance: is in V, expected a quantity in °C"),
     ]
     assert list(unit_problems(entry(min="1 mg", marginal="1 µg", guard=2), "g")) == []
+    assert list(unit_problems(entry(u_max="1 V"), "g")) == [
+        ("u_max", "u_max: is in V, expected a quantity in g, or a ratio, such as 20 ppm")
+    ]
     later = LimitEntry.model_validate({"min": "${bias}", "max": "1 V"}, context=DEFERRED)
     assert [key for key, _ in unit_problems(later, "g")] == ["max"]
 
@@ -236,6 +293,12 @@ def test_every_key_in_another_unit_is_told():
         ({"min": "1 g", "tolerance": "1 g"}, False),
         ({"max": "1 g", "target": "1 g", "tolerance": "1 mg"}, False),
         ({"target": "1 g", "tolerance": "1 mg", "relative": 0.1}, False),
+        ({"u_max": "1 mg"}, True),
+        ({"u_max": "1 mg", "min": "1 g", "guard": 2}, True),
+        ({"u_max": "1 mg", "target": "1 g", "relative": 0.1}, True),
+        ({"u_max": "1 mg", "guard": 2}, False),
+        ({"u_max": "1 mg", "marginal": "1 mg"}, False),
+        ({"u_max": "1 mg", "target": "1 g"}, False),
     ],
 )
 def test_the_schema_takes_the_keys_that_the_loader_takes(keys, good):
@@ -261,6 +324,7 @@ def test_the_schema_takes_the_keys_that_the_loader_takes(keys, good):
         ("K0", Limits(-5e-3, 5e-3, marginal=5e-5), "-5000 to 5000", "marginal within 50"),
         ("K1", Limits(11243.5, 11356.5, 11300, 1.64, 10), "11300 ± 56.5", "guard band 1.64 u, marginal within 10"),
         ("K1", Limits(11296.737, 11296.739, 11296.738), "11296.738 ± 0.001", ""),
+        ("K0", Limits(high=2e-4, guard_k=2, u_max=1e-5), "at most 200", "guard band 2 u, u at most 10"),
     ],
 )
 def test_limits_are_told_as_they_are_declared_in_the_unit_of_the_value(quantity, limits, words, bands):
@@ -275,7 +339,7 @@ def test_limits_are_told_as_they_are_declared_in_the_unit_of_the_value(quantity,
         (0.0, 1e-5, ""),
         (4.9e-3, 1e-4, "inside its limits, but within their guard band"),
         (0.0, 4e-3, "its uncertainty is so large that no value could pass the guard band"),
-        (0.0, 0.0, "its uncertainty is not known, and the guard band needs it"),
+        (0.0, 0.0, "its uncertainty is not known, and its limits need it"),
     ],
 )
 def test_why_a_value_was_not_accepted_stands_beside_it(value, u, remark):

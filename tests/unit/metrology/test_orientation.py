@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bench.metrology.acquisition import Acquisition, Mount
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
-from bench.metrology.orientation import elevation_rad, specific_force_g, unit_axes
+from bench.metrology.orientation import elevation_rad, is_clocked, specific_force_g, unit_axes
 from bench.metrology.run_data import UnitUnderTest
 from simulators.physics import attitude
 from simulators.physics.attitude import EAST, NORTH, SOUTH, UP, Fixture, to_unit
@@ -90,3 +92,30 @@ def test_rates_of_all_axes_add_up_in_the_fixture():
     seen_dps = np.degrees([spin[1, 2], spin[2, 0], spin[0, 1]])
     told_dps = fixture.rate([np.array([a]) for a in angles_deg], [np.array([r]) for r in rates_dps])[0]
     assert told_dps == pytest.approx(seen_dps, rel=1e-6)
+
+
+@pytest.mark.parametrize("head_deg", [0.0, 1.0, 45.0, 89.3, 90.0, 180.0, 270.0, 323.0])
+@pytest.mark.parametrize(("roll_deg", "clocked"), [(0.0, False), (180.0, False), (90.0, True), (-90.0, True)])
+def test_a_unit_rotated_by_a_quarter_of_a_turn_about_its_input_axis_is_clocked_at_any_angle(
+    head_deg, roll_deg, clocked
+):
+    how = ({"head": SOUTH}, EAST, UP, (head_deg,), (0.7, roll_deg, 0.0), 0.0)
+    assert is_clocked(*lying(*how)) == clocked
+    raised = np.radians(head_deg + 0.7)
+    beyond = -1.0 if roll_deg in (180.0, -90.0) else 1.0  # the axis that left the level points down at 0
+    expected = beyond * np.cos(raised) + np.sin(raised) * 1j
+    assert np.exp(1j * elevation_rad(*lying(*how))) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("own_deg", [(0.0, 90.0), (90.0, 0.0), (35.0, -60.0)])
+@pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (90.0, 180.0, 0.0), (10.0, 20.0, 30.0)])
+def test_the_bench_knows_how_a_clocked_channel_lies_in_the_world(own_deg, mount):
+    acquisition, unit, bench = lying({"head": SOUTH}, EAST, UP, (17.0,), mount, own_deg[0])
+    turned = Fixture((SOUTH,), EAST, UP).to_fixture([np.array([17.0])], 0.0)[0]
+    known = to_unit(attitude.Mount(*mount), *own_deg) @ turned
+    assert unit_axes(acquisition, replace(unit, clock_deg=own_deg[1]), bench) == pytest.approx(known, abs=1e-12)
+
+
+def test_a_unit_between_both_mounts_has_no_elevation():
+    with pytest.raises(ValueError, match="nor is the pendulous axis"):
+        elevation_rad(*lying({"head": SOUTH}, EAST, UP, (10.0,), (0.0, 45.0, 0.0), 0.0))

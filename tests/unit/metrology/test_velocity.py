@@ -1,152 +1,201 @@
+"""Specific force and velocity from counts: against rates that are integrated by quadrature, and many calibrations."""
+
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from bench.metrology.velocity import ChannelModel, VelocityRecord, compare_velocity, integrate
+from bench.metrology.calibration.force_terms import ForceTerms
+from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
+from bench.metrology.velocity import CountRecord, Gravity, integrate, specific_forces
 
-G_MPS2 = 9.80665
-U = (0.2, 5e-6, 2e-7, 1e-4)  # of K1, K0, α and β
-CORRELATION = np.eye(4)
-CORRELATION[2, 3] = CORRELATION[3, 2] = -0.8
-MODEL = ChannelModel(
-    reference_c=30.0, scale_pps_per_g=11_300.0, bias_g=1e-3, scale_drift_per_c=1e-5, offset_drift_pps_per_c=4e-3,
-    covariance=np.outer(U, U) * CORRELATION,
-)  # fmt: skip
-HOUR_S = np.arange(0.0, 3601, 10)
-
-
-def counted(force_g, model=MODEL, *, time_s=HOUR_S, low_c=10.0, c_per_h=25.0):
-    """An hour's ramp under one input, counted to the fraction of a pulse."""
-    temperature_c = low_c + c_per_h * time_s / 3600
-    away_c = temperature_c - model.reference_c
-    nominal_pps = model.scale_pps_per_g * (force_g + model.bias_g)
-    rate_pps = nominal_pps * (1 + model.scale_drift_per_c * away_c) + model.offset_drift_pps_per_c * away_c
-    pulses = np.cumsum((rate_pps[1:] + rate_pps[:-1]) / 2 * np.diff(time_s))  # exact: the rate is straight, too
-    return VelocityRecord(time_s, np.concatenate(([0.0], pulses)), time_s, temperature_c)
+G = Gravity(9.80665)
+TENTHS_S = np.arange(0.0, 60.05, 0.1)
+K1, ALPHA, BETA, K0, K2, REFERENCE_C = 11_300.0, 1e-4, 0.5, 1e-3, 2e-4, 30.0
+U = (0.2, 0.004, 0.0, 3e-3, 5e-6, 2e-6)  # of both coefficients of the scale, of the offset, of bias and quadratic term
+ONE = np.eye(6)
+ONE[0, 4] = ONE[4, 0] = -0.7
+ONE[1, 3] = ONE[3, 1] = -0.8
+VALID_C, RANGE_G = (0.0, 60.0), (0.0, 12.0)
 
 
-def only(model, **drift):
-    """The channel with these drifts alone."""
-    return replace(model.without_drift(), **drift)
+def line(unit, at_reference, slope, u):
+    return TemperatureModel("", "", "", unit, REFERENCE_C, 1.0, (at_reference, slope), u, valid_c=VALID_C)
+
+
+def channel(k1=K1, k1_alpha=K1 * ALPHA, zero=0.0, beta=BETA, k0=K0, k2=K2):
+    """The model of a channel over temperature and level, with its own uncertainties whatever the values are."""
+    return Compensation(
+        "x", "pulse/s", "g", line("pulse/s/g", k1, k1_alpha, U[:2]), line("pulse/s", zero, beta, U[2:4]),
+        Constant(k0, "g", U[4]),
+        force=ForceTerms(Constant(k2, "g/g²", U[5]), RANGE_G, correlation=tuple(map(tuple, ONE))),
+    )  # fmt: skip
+
+
+def force_g(time_s):
+    return 1 + 4 * np.sin(np.pi * time_s / 60) ** 2
+
+
+def warmed_c(time_s):
+    return 25 + time_s / 5
+
+
+def rate_pps(time_s, k1=K1):
+    """The rate of the channel, written out for its own."""
+    away_c, felt_g = warmed_c(time_s) - REFERENCE_C, force_g(time_s)
+    return k1 * (1 + ALPHA * away_c) * (felt_g + K0 + K2 * (felt_g**2 - 1)) + BETA * away_c
+
+
+def counted(rate=rate_pps, time_s=TENTHS_S):
+    """What a converter counts: the exact integral of its rate."""
+    each = [quad(rate, begin, end, epsabs=1e-11)[0] for begin, end in itertools.pairwise(time_s)]
+    return record(time_s, np.concatenate(([0.0], np.cumsum(each))))
+
+
+def record(time_s, cumulative, temperature_c=None):
+    return CountRecord(time_s, warmed_c(time_s) if temperature_c is None else temperature_c, {"x": np.diff(cumulative)})
+
+
+def velocity(of_record, known, gravity=G, noise_g=0.0):
+    return integrate(specific_forces(of_record, {known.channel: known})[known.channel], gravity, noise_g)
+
+
+@pytest.fixture(scope="module")
+def exact():
+    return counted()
 
 
 # The value
 
 
-@pytest.mark.parametrize("force_g", [1.0, -1.0, 0.577, 0.0, 12.0])
-def test_the_model_takes_the_temperature_out(force_g):
-    found = integrate(counted(force_g), MODEL, G_MPS2)
-    assert found.velocity_mps == pytest.approx(force_g * G_MPS2 * HOUR_S, abs=2e-8 * max(abs(force_g), 1))
-    assert found.force_g == pytest.approx(np.full(360, force_g), abs=1e-11)
+def test_force_and_velocity_are_those_that_were_counted(exact):
+    found = specific_forces(exact, {"x": channel()})["x"]
+    middle_s = (TENTHS_S[1:] + TENTHS_S[:-1]) / 2
+    assert found.force_g == pytest.approx(force_g(middle_s), abs=3e-5)  # its mean is not its middle
+    true_mps = [G.mps2 * quad(force_g, 0, end, epsabs=1e-10)[0] for end in TENTHS_S[[1, 100, 600]]]
+    assert integrate(found, G).velocity_mps[[1, 100, 600]] == pytest.approx(true_mps, rel=2e-8)
 
 
-def test_without_compensation_the_drift_is_integrated():
-    found = compare_velocity(counted(1.0), MODEL, force_g=1.0, gravity_mps2=G_MPS2)
-    slope_g_per_c = (11_300 * 1.001 * 1e-5 + 4e-3) / 11_300
-    away_cs = np.cumsum((counted(1.0).temperature_c[1:] + counted(1.0).temperature_c[:-1]) / 2 - 30) * 10
-    assert found.raw.error_mps == pytest.approx(G_MPS2 * slope_g_per_c * np.min(away_cs), rel=1e-6)
-    assert found.raw.time_s == pytest.approx(20 / 25 * 3600, abs=10)  # at the reference temperature it turns round
-    assert abs(found.compensated.error_mps) < 1e-7
+def test_a_negative_scale_factor_gives_the_same_velocity(exact):
+    # The offset is that of the converter, and does not change its sign with the scale factor.
+    turned = counted(lambda time_s: rate_pps(time_s, -K1), TENTHS_S[:101])
+    known = channel(-K1, -K1 * ALPHA)
+    assert turned.net_pulses["x"].sum() < 0
+    assert velocity(turned, known).velocity_mps == pytest.approx(
+        velocity(exact, channel()).velocity_mps[:101], rel=1e-9, abs=1e-9
+    )
 
 
-def test_of_a_changing_input_every_pulse_counts_whatever_was_between_the_readings():
-    rng = np.random.default_rng(1)
-    pulses = np.concatenate(([0.0], np.cumsum(rng.integers(-50_000, 120_000, 360))))
-    steady = VelocityRecord(HOUR_S, pulses, np.array([0.0]), np.array([30.0]))
-    found = integrate(steady, MODEL, G_MPS2)
-    assert found.velocity_mps == pytest.approx(G_MPS2 * (pulses / 11_300 - 1e-3 * HOUR_S), rel=1e-13, abs=1e-9)
-    coarse = integrate(VelocityRecord(HOUR_S[::60], pulses[::60], np.array([0.0]), np.array([30.0])), MODEL, G_MPS2)
-    assert coarse.velocity_mps == pytest.approx(found.velocity_mps[::60], rel=1e-13, abs=1e-9)
+def test_temperature_between_readings_is_their_mean():
+    known = channel(k0=0.0, k2=0.0)
+    at_both_c = np.array([20.0, 60.0])
+    found = specific_forces(record(np.array([0.0, 10.0]), np.array([0.0, 5e4]), at_both_c), {"x": known})["x"]
+    assert found.force_g == pytest.approx([(5e3 - BETA * 10) / (K1 * (1 + ALPHA * 10))], rel=1e-12)
 
 
-def test_the_temperature_is_straight_between_its_own_readings():
-    model = only(MODEL, scale_drift_per_c=1e-3, offset_drift_pps_per_c=20.0)  # large, so that a wrong mean shows
-    times_s, temperatures_c = np.array([-5.0, 3.0, 4.0, 12.0]), np.array([30.0, 50.0, 20.0, 26.0])
-    record = VelocityRecord(np.array([0.0, 10.0]), np.array([0.0, 5e4]), times_s, temperatures_c)
-
-    def force_g(at_s):
-        away_c = np.interp(at_s, times_s, temperatures_c) - 30
-        return (5e3 - 20.0 * away_c) / (1 + 1e-3 * away_c) / 11_300 - 1e-3
-
-    expected_gs = sum(quad(force_g, *ends)[0] for ends in ((0, 3), (3, 4), (4, 10)))
-    assert integrate(record, model, 1.0).velocity_mps[-1] == pytest.approx(expected_gs, rel=1e-8)
-    assert integrate(record, model, 1.0).force_g == pytest.approx([expected_gs / 10], rel=1e-8)
+def test_out_of_range_the_curves_hold_or_nothing_is_known():
+    time_s = np.arange(4.0)
+    data = record(time_s, 1e4 * time_s, np.array([59.0, 59.5, 65.0, 50.0]))
+    held = specific_forces(data, {"x": channel()})["x"]
+    at_end = specific_forces(record(time_s, 1e4 * time_s, np.full(4, 60.0)), {"x": channel()})["x"]
+    assert held.outside.tolist() == [False, True, False]
+    assert held.force_g[1] == at_end.force_g[1]
+    rejected = specific_forces(data, {"x": channel()}, "reject")["x"]
+    assert np.isnan(rejected.force_g).tolist() == [False, True, False]
+    assert np.isnan(integrate(rejected, G).velocity_mps).tolist() == [False, False, True, True]
 
 
-def test_beyond_its_readings_the_temperature_stays():
-    record = replace(counted(1.0), temperature_time_s=np.array([1800.0]), temperature_c=np.array([40.0]))
-    found = integrate(record, only(MODEL, scale_drift_per_c=1e-5), G_MPS2)
-    expected = G_MPS2 * (record.net_pulses / 11_300 / (1 + 1e-4) - 1e-3 * HOUR_S)
-    assert found.velocity_mps == pytest.approx(expected, rel=1e-12, abs=1e-9)
+def test_across_axes_each_sees_what_the_others_feel():
+    true_g = np.array([3.0, -1.0, 0.5])
+    cross = np.array([[0, 3e-3, -5e-3], [-4e-3, 0, 6e-3], [2e-3, 7e-3, 0]])
+    names = ("acc_x", "acc_y", "acc_z")
+    rates = K1 * (true_g + cross @ true_g + K2 * (true_g**2 - 1))
+    time_s = np.arange(3.0)
+    known = {
+        name: Compensation(name, "pulse/s", "g", Constant(K1, "pulse/s/g", 0.0), force=ForceTerms(
+            Constant(K2, "g/g²", 0.0), (-1.0, 1.0),
+            {other: Constant(value, "rad", 0.0) for other, value in zip(names, row, strict=True) if value},
+        ))
+        for name, row in zip(names, cross.tolist(), strict=True)
+    }  # fmt: skip
+    pulses = {name: np.full(2, rate) for name, rate in zip(names, rates.tolist(), strict=True)}
+    found = specific_forces(CountRecord(time_s, np.zeros(3), pulses), known)
+    assert [found[name].force_g[0] for name in names] == pytest.approx(true_g, rel=1e-12)
 
 
-def test_at_the_level_of_its_own_slope_every_shared_model_tells_the_same():
-    slope_pps_per_c = 11_300 * 1.001 * 1e-5 + 4e-3
-    record = counted(1.0)
-    raw = integrate(record, only(MODEL, offset_drift_pps_per_c=slope_pps_per_c), G_MPS2)
-    normalised = integrate(record, only(MODEL, scale_drift_per_c=slope_pps_per_c / (11_300 * 1.001)), G_MPS2)
-    assert raw.velocity_mps == pytest.approx(G_MPS2 * HOUR_S, abs=1e-6)
-    assert normalised.velocity_mps == pytest.approx(G_MPS2 * HOUR_S, abs=1e-6)
+def test_pulses_of_the_other_sign_leave_another_charge_in_the_converter():
+    """One integrator: its charge is up to a pulse beyond the count, on the side of the last pulse."""
+    plain = Compensation(
+        "x", "pulse/s", "g", Constant(1.0, "pulse/s/g", 0.0), force=ForceTerms(Constant(0, ""), RANGE_G)
+    )
+    data = CountRecord(np.arange(6.0), np.zeros(6), {"x": np.array([5.0, 0, -3, 0, 4])})
+    assert specific_forces(data, {"x": plain})["x"].force_g.tolist() == [5, 0, -4, 0, 5]
+    silent = CountRecord(np.arange(3.0), np.zeros(3), {"x": np.zeros(2)})
+    assert specific_forces(silent, {"x": plain})["x"].force_g.tolist() == [0, 0]
 
 
 # Uncertainty
 
 
-def test_the_uncertainty_of_the_model_is_that_of_many_calibrations():
+def test_the_uncertainty_of_a_velocity_is_that_of_many_calibrations(exact):
     rng = np.random.default_rng(20_240_607)
-    record = counted(0.577, time_s=np.arange(0.0, 3601, 200))
-    drawn = rng.multivariate_normal(np.zeros(4), MODEL.covariance, size=1200)
-    velocities = []
-    for k1, k0, alpha, beta in drawn:
-        model = replace(
-            MODEL, scale_pps_per_g=11_300 + k1, bias_g=1e-3 + k0, scale_drift_per_c=1e-5 + alpha,
-            offset_drift_pps_per_c=4e-3 + beta,
-        )  # fmt: skip
-        velocities.append(integrate(record, model, G_MPS2).velocity_mps)
-    found = integrate(record, MODEL, G_MPS2)
-    assert found.u_model_mps == pytest.approx(np.std(velocities, axis=0), rel=0.08, abs=1e-9)
+    covariance = np.outer(U, U) * ONE
+    drawn = rng.multivariate_normal(np.zeros(6), covariance, size=800)
+    centre = np.array([K1, K1 * ALPHA, 0.0, BETA, K0, K2])
+    every = [velocity(exact, channel(*(centre + error).tolist())).velocity_mps for error in drawn]
+    found = velocity(exact, channel())
+    assert found.u_model_mps[1:] == pytest.approx(np.std(every, axis=0)[1:], rel=0.08)
 
 
-@pytest.mark.parametrize("parameter", range(4))
-def test_every_parameter_has_its_own_uncertainty(parameter):
-    # The hot end and large drifts, so that no derivative is beneath the others.
-    model = replace(MODEL, scale_drift_per_c=2e-3, offset_drift_pps_per_c=30.0)
-    names = ("scale_pps_per_g", "bias_g", "scale_drift_per_c", "offset_drift_pps_per_c")
-    unit = np.zeros(4)
-    unit[parameter] = U[parameter]
-    record = counted(0.577, low_c=40.0)
-
-    def moved(by):
-        more = {names[parameter]: getattr(model, names[parameter]) + by * U[parameter]}
-        return integrate(record, replace(model, **more), G_MPS2).velocity_mps
-
-    found = integrate(record, replace(model, covariance=np.diag(unit**2)), G_MPS2)
-    assert found.u_model_mps == pytest.approx(np.abs(moved(0.5) - moved(-0.5)), rel=1e-5, abs=1e-9)
+def test_errors_of_knots_are_one_error_throughout():
+    knots = KnotModel("", "", "", "pulse/s/g", (0.0, 60.0), (K1, K1), (1.13, 1.13))
+    offset = KnotModel("", "", "", "pulse/s", (0.0, 60.0), (0.0, 0.0), (0.0, 0.226))
+    terms = ForceTerms(Constant(0.0, "g/g²", 0.0), RANGE_G, bias_u_g=3e-5, scale_u=2e-4)
+    known = Compensation("x", "pulse/s", "g", knots, offset, force=terms)
+    time_s = np.arange(0.0, 101.0)
+    found = velocity(record(time_s, 2 * K1 * time_s, np.full(101, 30.0)), known, Gravity(10.0, 1e-3))
+    parts = np.array([2 * 1e-4, 1e-5, 3e-5, 2 * 2e-4, 2 * 1e-4])  # g: scale, offset, bias, scale, gravity
+    assert found.u_model_mps == pytest.approx(10 * np.linalg.norm(parts) * time_s, rel=1e-9)
 
 
-def test_the_uncertainty_of_the_model_grows_with_time_and_that_of_the_count_does_not():
-    steady = replace(counted(1.0, c_per_h=0.0, low_c=40.0), temperature_c=np.full(361, 40.0))
-    found = integrate(steady, MODEL, G_MPS2)
-    assert found.u_model_mps == pytest.approx(found.u_model_mps[-1] * HOUR_S / 3600, rel=1e-9)
-    assert (found.u_count_mps[0], found.u_model_mps[0]) == (0, 0)
-    assert found.u_count_mps[1:] == pytest.approx(np.full(360, 0.408 * G_MPS2 / 11_300))
-    assert found.u_mps[-1] == np.hypot(found.u_model_mps[-1], found.u_count_mps[-1])
+def test_counts_are_uncertain_at_both_ends_and_not_between(exact):
+    charge, true_mps = (
+        np.concatenate(([0.0], np.cumsum(exact.net_pulses["x"]))),
+        velocity(exact, channel()).velocity_mps,
+    )
+    errors = [
+        velocity(record(TENTHS_S, np.floor(charge + phase)), channel()).velocity_mps - true_mps
+        for phase in np.random.default_rng(2).uniform(0, 1, 60)
+    ]
+    u = velocity(exact, channel()).u_count_mps
+    assert u[0] == 0
+    assert u[1:] == pytest.approx(np.full(600, 0.408 * G.mps2 / K1), rel=1e-2)
+    assert np.std([each[1:50] for each in errors]) == pytest.approx(u[-1], rel=0.05)
+    assert np.std([each[-50:] for each in errors]) == pytest.approx(u[-1], rel=0.05)
 
 
-def test_whole_pulses_are_off_by_as_much_as_told():
-    rng = np.random.default_rng(2)
-    exact, errors = counted(1.0), []
-    for phase in rng.uniform(0, 1, 100):
-        whole = replace(exact, net_pulses=np.floor(exact.net_pulses + phase))
-        found = integrate(whole, MODEL, G_MPS2)
-        errors.append(found.velocity_mps[1:] - G_MPS2 * HOUR_S[1:])
-    assert np.max(np.abs(errors)) < 1.001 * G_MPS2 / 11_300
-    assert np.std(errors) == pytest.approx(0.408 * G_MPS2 / 11_300, rel=0.1)
+def test_noise_walks_with_the_root_of_time():
+    rng = np.random.default_rng(5)
+    white_g = 1e-3 * np.sqrt(0.5) / np.sqrt(0.1) * rng.standard_normal((400, 600))
+    walked = G.mps2 * np.cumsum(white_g, axis=1) * 0.1
+    found = velocity(record(TENTHS_S, K1 * TENTHS_S), channel(), noise_g=1e-3)
+    assert found.u_noise_mps[[100, 600]] == pytest.approx(np.std(walked, axis=0)[[99, 599]], rel=0.12)
+    assert found.u_mps[600] == np.sqrt(
+        found.u_model_mps[600] ** 2 + found.u_count_mps[600] ** 2 + found.u_noise_mps[600] ** 2
+    )
 
 
-def test_without_compensation_the_drift_has_no_uncertainty_either():
-    raw = MODEL.without_drift()
-    assert (raw.scale_drift_per_c, raw.offset_drift_pps_per_c) == (0, 0)
-    assert raw.covariance == pytest.approx(np.diag([U[0] ** 2, U[1] ** 2, 0, 0]))
+def test_an_acceleration_has_the_noise_and_the_count_of_its_interval(exact):
+    found = specific_forces(exact, {"x": replace(channel(), force=ForceTerms(Constant(0, "g/g²", 0), RANGE_G))})["x"]
+    calibration = np.sqrt(np.sum(np.square(found.errors), axis=0))
+    alone = np.hypot(0.408 / K1 / 0.1, 1e-3 * np.sqrt(0.5 / 0.1))
+    assert found.u_g(1e-3) == pytest.approx(np.hypot(calibration, alone), rel=2e-3)
+    assert found.u_mps2(Gravity(10.0, 0.1)) == pytest.approx(np.hypot(10 * found.u_g(), 0.1 * found.force_g))
+
+
+def test_a_channel_without_force_terms_is_refused(exact):
+    with pytest.raises(ValueError, match="x has no force terms"):
+        specific_forces(exact, {"x": replace(channel(), force=None)})

@@ -136,11 +136,12 @@ def test_every_rule_that_a_limit_is_judged_by_is_told(folder):
     sequence = folder / "sequence.yaml"
     text = sequence.read_text("utf-8")
     assert "max: 5 mg}" in text
-    sequence.write_text(text.replace("max: 5 mg}", "max: 5 mg, guard: 2}"), "utf-8")
+    sequence.write_text(text.replace("max: 5 mg}", "max: 5 mg, guard: 2, u_max: 1 mg}"), "utf-8")
     written(folder)
     assert head_of(folder)["Decision rule"].split("; ") == [
         "guarded acceptance: a value passes that is inside its limits by 2 u",
         "simple acceptance: a value inside its limits passes",
+        "where a limit has u_max: a value passes only if its standard uncertainty is at most that",
     ]
 
 
@@ -167,3 +168,20 @@ def test_the_room_has_readings_that_the_bench_has(tmp_path):
     bench = copy_bench(tmp_path, (AMBIENT[0][0], AMBIENT[0][1].replace("room_", "unti_")))
     with pytest.raises(InputError, match="there is no reading 'unti_temperature'; did you mean 'unit_temperature'"):
         prepare(RunRequest("smoke", bench=str(bench)))
+
+
+def test_a_specified_drift_is_in_the_head_and_beside_each_result(folder):
+    sequence = folder / "sequence.yaml"
+    text = sequence.read_text("utf-8")
+    assert "Specified drift" not in head_of(folder)
+    changed, count = re.subn(r"(?m)^( +)limits:", r"\g<1>monthly_drift: {K0: 50 µg, K1: 20 ppm}\n\g<0>", text)
+    assert count == 1
+    sequence.write_text(changed, "utf-8")
+    written(folder)
+    assert head_of(folder)["Specified drift"].startswith("K0 50 µg, K1 per local g 20 ppm a month")
+    with open_run(folder) as run:
+        findings = run.evaluate().to_json()["findings"]
+    for quantity, allowed in (("K0", lambda _: 50e-6), ("K1", lambda value: 20e-6 * value), ("K2", lambda _: None)):
+        found = [each for each in findings if each["quantity"] == quantity]
+        assert found
+        assert [each["monthly_drift"] for each in found] == [pytest.approx(allowed(each["value"])) for each in found]

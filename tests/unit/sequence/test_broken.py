@@ -19,6 +19,7 @@ FOLDER = ROOT / "tests/broken"
 _FORBIDDEN = (AngleRange(min="40°", max="50°"),)
 BY_HAND = load_bench(ROOT / "config/by_hand.yaml").bench
 CHANNEL = load_bench(ROOT / "config/channel.yaml").bench
+CHANNEL_IMU = load_bench(ROOT / "config/channel_imu.yaml").bench
 IMU = load_bench(ROOT / "config/imu.yaml").bench
 TWO_AXES = load_bench(ROOT / "config/imu_two_axis.yaml").bench
 FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"forbidden": _FORBIDDEN})})
@@ -37,6 +38,7 @@ BENCHES = {  # by part of a name
     "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "no_ammeter": CHANNEL,
     "on_a_table": RESPONSE, "on_indexing": INDEXING, "of_a_gyro": GYRO, "on_an_arm": ON_AN_ARM,
     "between_teeth": BY_HAND, "without_encoder": TABLE, "unreachable_attitude": TWO_AXES, "of_an_imu": IMU,
+    "channel_left_out": CHANNEL_IMU, "source_without_channel": CHANNEL_IMU,
 }  # fmt: skip
 BROKEN = sorted([*FOLDER.glob("*.yaml"), *FOLDER.glob("calls/call_*.yaml")])
 GOOD = sorted((FOLDER / "good").glob("*.yaml"))

@@ -238,7 +238,7 @@ def test_the_settings_are_those_of_the_method(tmp_path, settings, problems):
         ("k0: {max: 1 g}", "temperature_tumble has no result 'k0'; did you mean 'K0'?"),
         ("bias: {max: 1 g}", f"temperature_tumble has no result 'bias'; expected {ALL}"),
         ("misalignmnt: {max: 1 mrad}", "temperature_tumble has no result 'misalignmnt'; did you mean 'misalignment'?"),
-        ("K0/hysteresis: {}", "K0/hysteresis: needs min or max, or both, or a target with its tolerance"),
+        ("K0/hysteresis: {}", "K0/hysteresis: needs min or max, or both, or a target with its tolerance, or u_max"),
         ("K0/hysteresis: 5 mg", "K0/hysteresis: is '5 mg', expected a mapping"),
     ],
 )

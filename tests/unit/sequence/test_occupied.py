@@ -66,7 +66,11 @@ MISPLACED = "place '{}' is for {}, the sequence measures {}; name one with --uut
     ("sequence", "units", "reported"),
     [
         ("imu_24_position", ("a=QF-7",), MISPLACED.format("a", "units with one channel", "inertial units", "b")),
-        ("channel_full", ("a=QF-7", "b=IMU-7"), MISPLACED.format("b", "inertial units", "units with one channel", "a")),
+        (
+            "tumble_static",
+            ("a=QF-7", "b=IMU-7"),
+            MISPLACED.format("b", "inertial units", "units with one channel", "a"),
+        ),
         ("channel_full", ("c=QF-7",), "--uut c=QF-7: the bench has no place 'c'"),
         ("channel_full", ("QF-7",), "--uut QF-7: the bench has places a, b; write --uut PLACE=SERIAL"),
     ],

@@ -128,9 +128,11 @@ def test_dwells_are_those_of_the_record_of_a_run(tmp_path):
     plan, _ = load_judged_plan(run.path / "sequence.yaml", BENCH, settings=("temperatures=[20 °C, 22 °C, 20 °C]",))
     with RunReader(run.path) as reader:
         recorded = run_data(reader, BENCH, {"a": "SIM-A"}, "tumble").acquisitions
-    dwells = _dwells(plan, "tumble")
+    dwells = _dwells(plan, BENCH, "tumble")
     assert [group for group, (_, angles) in dwells.items() for _ in angles] == [done.group for done in recorded]
-    assert [angle for _, angles in dwells.values() for angle in angles] == [done.angle_deg for done in recorded]
+    assert [at for _, positions in dwells.values() for at in positions] == [
+        (done.angle_deg, False) for done in recorded
+    ]
     assert [set_c for set_c, _ in dwells.values()] == [20, 22, 20]
 
 

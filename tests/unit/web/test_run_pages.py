@@ -158,3 +158,25 @@ def test_a_viewer_reads_and_is_offered_no_buttons_that_act(tmp_path, runs):
 def test_there_is_an_empty_state_that_says_what_to_do(tmp_path):
     for answer in answers(tmp_path, tmp_path / "none", "/runs", "/queue", **HTML):
         assert 'href="/start"' in answer.text
+
+
+@pytest.mark.parametrize(("moved", "words"), [(0.01, "within it"), (1.0, "beyond it"), (0.6, "not decided")])
+def test_the_page_of_a_unit_compares_a_calibration_with_the_specified_drift(tmp_path, moved, words):
+    folder, own = tmp_path / "drifting", line("readings: scatter", 0.03, kind="A")
+    stored(folder, instant(2020), [{**finding(0.0, own), "monthly_drift": 0.05}])
+    stored(folder, instant(2021), [finding(moved, own)])
+    (page,) = answers(tmp_path, folder, "/unit?serial=QF-1", **HTML)
+    said_of = re.search(r"Changed by [^<]*", page.text)[0]
+    assert said_of.startswith(f"Changed by {moved * 1e6:.0f} ± 84853 µg since the calibration before")
+    assert f"allows 601232: {words}" in said_of
+
+
+def test_the_page_of_a_run_says_that_an_uncertainty_is_above_its_limit(tmp_path):
+    folder = tmp_path / "uncertain"
+    of_u = finding(0.0, line("readings: scatter", 0.03), low=None, high=None, verdict="INVALID", u_max=0.01)
+    run = stored(folder, instant(2020), [of_u | {"flags": ["u_too_large"]}])
+    page, api = answers(tmp_path, folder, f"/runs/{run.name}", f"/api/v1/runs/{run.name}/findings", **HTML)
+    assert "no valid value: its standard uncertainty is above the limit u_max" in page.text
+    assert "u at most 10000" in page.text
+    assert '<svg class="bullet' not in page.text
+    assert api.json()["reasons"] == ["QF-1: tumble/a/K0: u 0.03 g is above its limit 0.01 g"]

@@ -8,12 +8,13 @@ fully correlated in the coefficients of the channel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.channel.reduction.compared_levels import READ_OUT, Compared, Level
+from bench.methods.channel.reduction.acceleration import StatedAccelerometer, to_specific_force
+from bench.methods.channel.reduction.compared_levels import GRAVITY_REFERENCE, READ_OUT, Compared, Level
 from bench.methods.channel.reduction.decision import ChannelDrift
 from bench.methods.channel.reduction.findings import ChannelFindings
 from bench.methods.channel.words import OWN_SLOPE, SERVES_TOO, SLOPE_FROM
@@ -23,6 +24,8 @@ from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation, TemperatureModel
 from bench.metrology.results.finding import Finding
 from bench.metrology.results.flag import Flag
+
+MARGINAL = "decision_marginal"  # flag of a deviation
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class ChannelConclusions:
             yield self._channel_model(self.drift)
 
     def compensations(self) -> Iterator[Compensation]:
-        """For each slope that serves levels: conversion of a rate to the reference temperature."""
+        """For each slope that serves levels: conversion of a rate to the reference temperature; then to g."""
         references = {each.level.name: each for each in self.compared}
         served: dict[str, list[Level]] = {}
         by_name = {level.name: level for level in self._usable}
@@ -62,6 +65,18 @@ class ChannelConclusions:
             served.setdefault(slope_from.name, []).append(level)
         for name, levels in served.items():
             yield self._compensation(by_name[name], levels)
+        # Without the line through all slopes the drift between two levels is unknown.
+        up, drift = by_name.get(GRAVITY_REFERENCE), self.drift
+        if up is not None and drift is not None and not drift.misfit and self.of_levels.unit.is_counted:
+            yield self._to_specific_force(up, by_name, drift)
+
+    def _to_specific_force(self, up: Level, levels: Mapping[str, Level], drift: ChannelDrift) -> Compensation:
+        of_levels = self.of_levels
+        beta, alpha = self._coefficients(drift)
+        return to_specific_force(
+            of_levels.unit.measured_by, levels, of_levels.rate(up), (beta, alpha),
+            self._correlation(drift, beta, alpha), StatedAccelerometer.of(of_levels.settings), of_levels.reference_c,
+        )  # fmt: skip
 
     def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:
         of_levels, valid_c = self.of_levels, _ends(slope_from.run.gates.converter_c)
@@ -77,6 +92,23 @@ class ChannelConclusions:
             f"{of_levels.unit.measured_by}@{slope_from.name}", unit, unit, scale, offset,
             serves=tuple(level.name for level in levels),
         )  # fmt: skip
+
+    def _correlation(self, drift: ChannelDrift, beta: Finding, alpha: Finding) -> float:
+        """Correlation of the errors of the coefficients: through the slopes, and by the thermometer."""
+        u = np.array([level.known_run.u_slope_per_c for level in self._usable])
+        of_slopes = float(np.sum(drift.gain[0] * drift.gain[1] * u**2))
+        by_gain = self.of_levels.thermometer_gain(beta.value).u * self.of_levels.thermometer_gain(alpha.value).u
+        by_drift = self._drifted(drift.gain[0]) * self._drifted(drift.gain[1])
+        both = beta.u * alpha.u
+        return float(np.clip((of_slopes + by_gain + by_drift) / both, -1, 1)) if both else 0.0
+
+    def _drifted(self, gain: Array) -> float:
+        """Effect of one standard uncertainty of the thermometer drift on a coefficient."""
+        drifted: list[float] = [
+            part * level.run.slope_per_c * level.drifted_share
+            for part, level in zip(gain.tolist(), self._usable, strict=True)
+        ]
+        return sum(drifted)
 
     def _line(self, slope: Finding, unit: str, at_reference: float, valid_c: tuple[float, float]) -> TemperatureModel:
         """A straight line over temperature through a value at the reference, with the fitted slope."""
@@ -110,9 +142,11 @@ class ChannelConclusions:
                 *_named(theirs, ours, abs(value / (per[1] * reference**2))),
                 self.of_levels.drift_line(value / reference * (ours.drifted_share - theirs.drifted_share)),
             ]
-            name, flags = "of the slope from that of the reference", ("marginal",) if compared.marginal else ()
+            decision, is_marginal = compared.decided("raw" if quantity == "deviation/raw" else "normalised")
+            name, flags = "of the slope from that of the reference", (MARGINAL,) if is_marginal else ()
             steps = (*ours.data.steps, *theirs.data.steps)
-            yield self.of_levels.finding(quantity, name, at, deviation.value, "1", lines, steps, flags)
+            own = {**at, "own_decision": decision}
+            yield self.of_levels.finding(quantity, name, own, deviation.value, "1", lines, steps, flags)
 
     def _coefficients(self, drift: ChannelDrift) -> Iterator[Finding]:
         steps = tuple(step for level in self._usable for step in level.data.steps)
@@ -122,12 +156,9 @@ class ChannelConclusions:
             ("tempco_scale", f"part of the slope in proportion to the {self.of_levels.output}", drift.scale_per_c,
              "1/°C"),
         ), strict=True):  # fmt: skip
-            drifted = sum(
-                part * level.run.slope_per_c * level.drifted_share
-                for part, level in zip(gain.tolist(), self._usable, strict=True)
-            )
             lines = [
-                *self._through(gain), self.of_levels.thermometer_gain(value), self.of_levels.drift_line(drifted),
+                *self._through(gain), self.of_levels.thermometer_gain(value),
+                self.of_levels.drift_line(self._drifted(gain)),
             ]  # fmt: skip
             yield self.of_levels.finding(quantity, name, {}, value, unit, lines, steps)
 

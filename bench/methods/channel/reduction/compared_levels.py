@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.channel.reduction.decision import ChannelDrift, Comparison, channel_drift, compare
+from bench.methods.channel.reduction.decision import (
+    Basis,
+    ChannelDrift,
+    Comparison,
+    Decision,
+    channel_drift,
+    compare,
+)
 from bench.methods.channel.reduction.input_drift import InputDrift, drifts_of_sources, input_drift
 from bench.methods.channel.reduction.levels import LevelData
 from bench.methods.channel.reduction.line import ChannelRules, ChannelRun, reduce_run
@@ -104,6 +111,11 @@ class Compared:
     def marginal(self) -> bool:
         """True if a repeated run might give another decision."""
         return self.comparison.decision != "invalid" and (self.comparison.marginal or self.drifted)
+
+    def decided(self, basis: Basis) -> tuple[Decision, bool]:
+        """Decision on one basis; true if a repeated run might give another."""
+        decision, marginal, _ = self.comparison.decided[basis]
+        return decision, decision != "invalid" and (marginal or self.drifted)
 
 
 def channel_rules(data: RunData, unit: UnitUnderTest, kind: str, settings: Mapping[str, Any]) -> ChannelRules:

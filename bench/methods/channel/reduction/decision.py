@@ -7,7 +7,7 @@ slope k / D.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -31,6 +31,14 @@ LARGEST_BIAS_G = 0.5
 PROPORTION = 0.1  # maximum relative deviation of a rate per g from that of the other runs
 
 
+class Decided(NamedTuple):
+    """Decision on one basis; marginal if a repeated run might give another. `remarks` are the reasons for none."""
+
+    decision: Decision
+    marginal: bool
+    remarks: tuple[str, ...]
+
+
 class RelativeDeviation(NamedTuple):
     """|(x' - x) / x| of a run's x' and its reference's x, its standard uncertainty, and |x' - x|; NaN if unknown."""
 
@@ -44,7 +52,8 @@ class Comparison:
     """Comparison of a run with its reference, by the slopes k and by the relative slopes k / D.
 
     `rate` + `slope_per_c` (T - reference temperature) is the model that serves the level; NaN where there is no
-    decision. `remarks` state why there is none, or why it is not based on the deviation.
+    decision. `remarks` state why there is none, or why it is not based on the deviation. `decided` are the decisions on
+    both bases; `decision` and `marginal` are those on the chosen one.
     """
 
     raw: RelativeDeviation
@@ -54,6 +63,7 @@ class Comparison:
     rate: float
     slope_per_c: float
     remarks: tuple[str, ...]
+    decided: Mapping[Basis, Decided]
 
 
 def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: Basis) -> Comparison:
@@ -70,22 +80,32 @@ def compare(run: ChannelRun, reference: ChannelRun, *, threshold: float, basis: 
         run.relative_slope_per_c, run.u_relative_slope_per_c,
         reference.relative_slope_per_c, reference.u_relative_slope_per_c, certain,
     )  # fmt: skip
-    deciding = raw if basis == "raw" else normalised
-    k = coverage_factor(_dof(run, reference)) if certain else np.nan
-    invalid = _problems(run, reference, certain, deciding)
-    opposite = run.rate * reference.rate < 0
-    close = bool(deciding.value <= threshold)
-    decision: Decision = "invalid" if invalid else "share" if close and not opposite else "keep"
+    deviations: Mapping[Basis, RelativeDeviation] = {"raw": raw, "normalised": normalised}
+    decided: Mapping[Basis, Decided] = {
+        each: _decided(run, reference, deviation, threshold) for each, deviation in deviations.items()
+    }
+    decision, marginal, remarks = decided[basis]
     shared_slope = reference.slope_per_c if basis == "raw" else reference.relative_slope_per_c * run.rate
     return Comparison(
         raw=raw,
         normalised=normalised,
         decision=decision,
-        marginal=not invalid and not opposite and abs(deciding.value - threshold) < k * deciding.u,
-        rate=np.nan if invalid else run.rate,
+        marginal=marginal,
+        rate=np.nan if decision == "invalid" else run.rate,
         slope_per_c={"share": shared_slope, "keep": run.slope_per_c, "invalid": np.nan}[decision],
-        remarks=(OTHER_POLARITY,) if opposite and not invalid else invalid,
+        remarks=remarks,
+        decided=decided,
     )
+
+
+def _decided(run: ChannelRun, reference: ChannelRun, deviation: RelativeDeviation, threshold: float) -> Decided:
+    if invalid := _problems(run, reference, _is_certain(reference), deviation):
+        return Decided("invalid", False, invalid)
+    if run.rate * reference.rate < 0:
+        return Decided("keep", False, (OTHER_POLARITY,))
+    k = coverage_factor(_dof(run, reference))
+    is_close = bool(deviation.value <= threshold)
+    return Decided("share" if is_close else "keep", bool(abs(deviation.value - threshold) < k * deviation.u), ())
 
 
 def _is_certain(reference: ChannelRun) -> bool:

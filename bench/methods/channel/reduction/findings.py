@@ -98,9 +98,8 @@ class ChannelFindings:
         The certificate applies to a source that has just warmed up: it drifts also while levels of gravity are
         measured.
         """
-        begun_s = [point.middle_s for each in self.found.values() for point in each.points]
-        times_s = level.run.gates.time_s
-        return (float(np.mean(times_s)) - min([*begun_s, float(times_s[0])])) / HOUR_S
+        first, times_s = self.data.acquisitions[0], level.run.gates.time_s
+        return (float(np.mean(times_s)) - min((first.begin_s + first.end_s) / 2, float(times_s[0]))) / HOUR_S
 
     def slope(self, level: Level) -> Finding:
         """Change of the rate with the temperature of the converter."""
@@ -292,5 +291,6 @@ class ChannelFindings:
         flags: tuple[str, ...] = (),
     ) -> Finding:
         """One finding, with the lines of its budget that contribute."""
+        at = {"axis": self.unit.axis, **at} if self.unit.sensor else at
         where = f"@{at['run']}" if "run" in at else ""
         return self.data.subject(self.unit).finding(quantity, name, value, unit, lines, at, steps, where, flags)

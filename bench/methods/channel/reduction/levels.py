@@ -17,6 +17,7 @@ from bench.metrology.outputs import mean_output, means_between, measured
 from bench.metrology.pulse_counts import mean_rate, shifted_counts
 from bench.metrology.run_data import RunData, UnitUnderTest
 
+LEAST_LEVEL_G = 0.1  # of an axis of an inertial unit; below it, it is level, and its channel has no input level
 LEVEL_DIGITS_G = 3  # levels closer to each other are one level
 SKEW_G = 0.577  # level of three axes at equal angles to the vertical, 1/√3
 SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host
@@ -88,7 +89,8 @@ def levels_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -
     grouped: dict[str, list[tuple[InputLevel, Acquisition]]] = {}
     for acquisition in data.acquisitions:
         level = input_level(data, unit, acquisition)
-        grouped.setdefault(level.name, []).append((level, acquisition))
+        if level is not None:
+            grouped.setdefault(level.name, []).append((level, acquisition))
     gate_s = settings["gate_s"]
     levels = {name: _level_data(unit, members, gate_s) for name, members in grouped.items()}
     if not believes_meter(unit, settings):
@@ -111,13 +113,19 @@ def _as_metered(level: LevelData, members: list[tuple[InputLevel, Acquisition]],
     )
 
 
-def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) -> InputLevel:
-    """Input of a unit's converter during an acquisition."""
+def input_level(data: RunData, unit: UnitUnderTest, acquisition: Acquisition) -> InputLevel | None:
+    """Input of a unit's converter during an acquisition.
+
+    None for a channel of an inertial unit while its axis is level, or while the source feeds another channel.
+    """
     if acquisition.input == "source":
+        if unit.sensor and acquisition.input_channel != unit.sensor:
+            return None
         current_a = acquisition.sources_a.get(unit.source, 0.0)
         set_a = acquisition.sources_set_a.get(unit.source, current_a)
         return InputLevel("source", current_a / unit.scale_a_per_g, current_a, set_a / unit.scale_a_per_g, current_a)
-    return InputLevel("gravity", float(specific_force_g(acquisition, unit, data.bench)[0]))
+    level_g = float(specific_force_g(acquisition, unit, data.bench)[unit.row])
+    return None if unit.sensor and abs(level_g) < LEAST_LEVEL_G else InputLevel("gravity", level_g)
 
 
 def _level_data(unit: UnitUnderTest, members: list[tuple[InputLevel, Acquisition]], gate_s: float) -> LevelData:

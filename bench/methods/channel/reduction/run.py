@@ -26,6 +26,8 @@ from bench.methods.channel.reduction.compared_levels import (
 )
 from bench.methods.channel.reduction.decision import ChannelDrift, out_of_proportion
 from bench.methods.channel.reduction.findings import ChannelFindings
+from bench.methods.channel.reduction.inertial import combined
+from bench.methods.channel.reduction.inputs_seen import wrong_inputs
 from bench.methods.channel.reduction.levels import levels_of
 from bench.methods.channel.reduction.line import ABORT_SHARE
 from bench.metrology.results.finding import NOT_CLOSED, Finding, UnitResult
@@ -57,7 +59,16 @@ class ChannelDetail:
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to findings and models of every unit; `settings` are those of the method's description."""
-    return [_reduced(data, unit, settings) for unit in data.units]
+    return [_of_unit(data, unit, settings) for unit in data.units]
+
+
+def _of_unit(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+    """Results of a unit; of an inertial unit those of its three accelerometer channels together."""
+    if not unit.channels:
+        return _reduced(data, unit, settings)
+    wrong = wrong_inputs(data, unit)
+    used = replace(data, acquisitions=tuple(each for each in data.acquisitions if each.step not in wrong))
+    return combined(data, unit, {each.axis: _reduced(used, each, settings) for each in unit.accelerometers}, wrong)
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:

@@ -16,21 +16,20 @@ from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
 from bench.methods.imu.reduction.attitudes import AXES, NAMES
-from bench.methods.imu.reduction.budget import POOLED, READINGS, gyro_scale_unit
+from bench.methods.imu.reduction.budget import POOLED, READINGS
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.methods.imu.reduction.dead_band import dead_band_of, near_zero, near_zero_flags
 from bench.methods.imu.reduction.findings import AxisAtVisit
-from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable, check_model
+from bench.methods.imu.reduction.knots import SAME_KNOT_C, check_model
 from bench.methods.imu.reduction.noise import noise_of
 from bench.methods.imu.reduction.table_errors import table_errors
+from bench.methods.imu.reduction.user_models import UserModels
 from bench.methods.imu.reduction.visits import differences
 from bench.methods.imu.reduction.windows import readings, visits
-from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
-from bench.metrology.results.curves import KnotModel
 from bench.metrology.results.finding import NOT_CLOSED, Finding, Interval, UnitResult
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -79,9 +78,11 @@ class _Unit:
     def result(self) -> UnitResult:
         """All results of the unit."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
+        over_temperature = list(self._over_temperature(at_visits))
+        user = UserModels(self._data, self._unit, self._found, at_visits)
         unplaced = [Flag("no_attitude", at=step) for visit in self._visits for step in visit.unplaced]
         closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
-        findings = [*at_visits, *self._over_temperature(at_visits), *closure]
+        findings = [*at_visits, *over_temperature, *closure]
         limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
         moved = list(dict.fromkeys(each.quantity for each in closure if abs(each.value) > limits[each.quantity]))
         if moved:
@@ -90,7 +91,7 @@ class _Unit:
             place=self._unit.place,
             uut=self._unit.serial,
             findings=tuple(findings),
-            models=tuple(self._models(at_visits)),
+            models=tuple(user.models()),
             left_out=tuple(self._left_out()),
             flags=(
                 *self._found.flags,
@@ -100,7 +101,7 @@ class _Unit:
                 *(Flag("moved", of=quantity) for quantity in moved),
             ),
             detail=ImuDetail(self._found, self._curves),
-            compensations=tuple(self._compensations(at_visits)),
+            compensations=tuple(user.compensations(over_temperature)),
         )
 
     def _sensitive(self) -> Iterator[tuple[int, Sensitivity]]:
@@ -244,54 +245,6 @@ class _Unit:
         return subject.finding(
             quantity, name, abs(value), MODELLED[base], lines, {"axis": AXES[axis]}, steps, interval=interval
         )
-
-    # Models for the user
-
-    def _models(self, at_visits: Sequence[Finding]) -> Iterator[KnotModel]:
-        for axis in range(len(AXES)):
-            for sensor in ("acc", "gyro"):
-                pair = self._knots(sensor, axis, at_visits)
-                yield from pair or ()
-
-    def _compensations(self, at_visits: Sequence[Finding]) -> Iterator[Compensation]:
-        for sensor, value_unit in (("acc", "g"), ("gyro", "°/s")):
-            output_unit = self._output_unit(sensor)
-            for axis, name in enumerate(AXES):
-                pair = self._knots(sensor, axis, at_visits)
-                if pair is not None:
-                    offset, scale = pair
-                    yield Compensation(f"{sensor}_{name}", output_unit, value_unit, scale, offset)
-
-    def _knots(self, sensor: str, axis: int, at_visits: Sequence[Finding]) -> tuple[KnotModel, KnotModel] | None:
-        """Knots of zero and scale factor of a channel; None with fewer than two."""
-        table = self._found.knots(sensor, axis)
-        if not table.usable:
-            return None
-        zero_of, scale_of = ("K0", "K1") if sensor == "acc" else ("D0", "KG")
-        u_scale = self._u_at(table, scale_of, axis, at_visits)
-        u_zero = self._u_at(table, zero_of, axis, at_visits) * np.abs(table.scale)
-        path = f"{self._data.label}/{self._unit.place}/{sensor}_{AXES[axis]}"
-
-        def model(what: str, unit: str, values: Array, u: Array) -> KnotModel:
-            return KnotModel(
-                id=f"{path}/{what}", uut=self._unit.serial, quantity=f"{sensor}_{AXES[axis]}/{what}", unit=unit,
-                knots_c=tuple(table.temperature_c.tolist()), values=tuple(values.tolist()), u=tuple(u.tolist()),
-            )  # fmt: skip
-
-        unit = self._output_unit(sensor)
-        scale_unit = f"{unit}/g" if sensor == "acc" else gyro_scale_unit(self._unit)
-        return model("offset", unit, table.zero, u_zero), model("scale", scale_unit, table.scale, u_scale)
-
-    def _output_unit(self, sensor: str) -> str:
-        return self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
-
-    def _u_at(self, table: TemperatureTable, quantity: str, axis: int, at_visits: Sequence[Finding]) -> Array:
-        """Largest uncertainty of the findings averaged in a knot."""
-        own = [each for each in at_visits if each.quantity == quantity and each.at["axis"] == AXES[axis]]
-        return np.array([
-            max((each.u for each in own if abs(each.at["temperature_c"] - at_c) < SAME_KNOT_C), default=math.nan)
-            for at_c in table.temperature_c
-        ])  # fmt: skip
 
 
 def _curve(found: ImuCalibration, quantity: str, axis: int) -> tuple[Array, Array]:

@@ -91,12 +91,16 @@ class IndexingBudget:
             if not without or source.kind != without
         ])  # fmt: skip
 
-    def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
-        """Correlation matrix of results, from all their sources."""
-        rows = np.array([
+    def rows(self, results: Sequence[Estimate]) -> Array:
+        """Contributions of all sources to results, a row (m,) for each; rows @ rows.T is their covariance."""
+        return np.array([
             np.concatenate([source.u * gains for source, gains in self.sources(result.gain).items()])
             for result in results
         ])  # fmt: skip
+
+    def correlation(self, results: Sequence[Estimate]) -> tuple[tuple[float, ...], ...]:
+        """Correlation matrix of results, from all their sources."""
+        rows = self.rows(results)
         sizes = np.linalg.norm(rows, axis=1)
         matrix = rows @ rows.T / np.outer(sizes, sizes) if np.all(sizes) else np.eye(len(rows))
         return tuple(tuple(float(value) for value in row) for row in matrix)

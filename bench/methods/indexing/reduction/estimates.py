@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -103,6 +104,11 @@ class IndexingEstimates:
         still = pooled if stands else float(np.sqrt(max(pooled**2 - come_back**2, 0.0)))
         sd = np.repeat([max(pooled, alone), max(still, alone)], [swept, len(self._clocked)])
         return IndexingBudget(self._unit, self._data.bench, self.rows, sd, dof, scale, moves_scatter=not stands)
+
+    def budget_with(self, end: str, further: Sequence[IndexingReading]) -> IndexingBudget:
+        """Sources of uncertainty of results from the sweep of an end and from further readings, in that order."""
+        rows = [*self._used[end], *further]
+        return replace(self.budget, readings=rows, sd=np.full(len(rows), self.budget.sd[0]))
 
     @property
     def reading_sd_g(self) -> float:

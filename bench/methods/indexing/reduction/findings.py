@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER, TILT
+from bench.methods.indexing.reduction.budget import BACKLASH, SCATTER, TILT, IndexingBudget
 from bench.methods.indexing.reduction.calibrate import StaticCalibration
 from bench.methods.indexing.reduction.estimates import IndexingEstimates
 from bench.methods.indexing.reduction.model import SweepModel
-from bench.methods.indexing.reduction.readings import IndexingReading
 from bench.methods.indexing.reduction.sweep import EndFit
 from bench.methods.indexing.reduction.two_ends import BothEnds
-from bench.methods.indexing.words import ENDS, ON_THE_GROUND, ORBIT
+from bench.methods.indexing.reduction.verification import SELECTION, Verification
+from bench.methods.indexing.words import CORRECTED, ENDS, ON_THE_GROUND, ORBIT
 from bench.metrology.extremes import interval_of_largest, largest_u
 from bench.metrology.least_squares import Array
 from bench.metrology.nonlinear import NonlinearFit
@@ -29,7 +29,6 @@ from bench.metrology.results.finding import Finding, Interval
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 
-SELECTION = "readings: scatter makes the largest of many larger"
 TILT_SOURCES = {"b3": "fixture: level", "b4": "platform: angle"}
 TILT_NAMES = {"b3": "tilt by the level of the fixture", "b4": "tilt of the platform"}
 LINE = "a = (U - b) / K1"
@@ -48,7 +47,7 @@ class IndexingFindings:
     unit: UnitUnderTest
     found: StaticCalibration
     estimates: IndexingEstimates
-    verified: Sequence[IndexingReading]
+    verification: Verification
     bias_per_c_u: float
     scale_per_c_u: float
 
@@ -63,7 +62,7 @@ class IndexingFindings:
         for name, fit in self.estimates.fits.items():
             yield self._linearity(name, fit)
         yield from self._hysteresis()
-        yield from self._verification()
+        yield from self.verification.findings()
 
     def _of_the_unit(self, both: BothEnds) -> Iterator[Finding]:
         output, at, scale = self.unit.output_unit, self._at, both.scale
@@ -171,30 +170,6 @@ class IndexingFindings:
         interval = interval_of_largest(every_g, sd_g)
         yield self._of("hysteresis", name, value, "g", lines, {"end": worst}, interval=interval)
 
-    def verification_residuals_g(self) -> Array:
-        """Residuals (g) of the verification readings against the equations of the ends."""
-        known = [each for each in self.verified if each.end in self.estimates.fits]
-        fits = [self.estimates.fits[each.end] for each in known]
-        found = [(each.output - fit.bias_v) / fit.scale_v_per_g for each, fit in zip(known, fits, strict=True)]
-        return np.array(found) - np.sin([each.angle_rad for each in known])
-
-    def _verification(self) -> Iterator[Finding]:
-        residuals_g = self.verification_residuals_g()
-        if not len(residuals_g):
-            return
-        sd_g = self.estimates.reading_sd_g
-        by_scatter, by_selection = largest_u(residuals_g, float(sd_g))
-        dof = self.estimates.budget.dof or None
-        lines = [BudgetLine(SCATTER, "A", by_scatter, dof), BudgetLine(SELECTION, "A", by_selection)]
-        largest = float(np.max(np.abs(residuals_g)))
-        name = "largest residual of readings that were not fitted"
-        at, interval = {"end": "up"}, interval_of_largest(residuals_g, float(sd_g))
-        yield self._of("verification/largest", name, largest, "g", lines, at, kind="verification", interval=interval)
-        rms = float(np.sqrt(np.mean(residuals_g**2)))
-        line = BudgetLine(SCATTER, "A", float(sd_g) / np.sqrt(2 * len(residuals_g)), dof)
-        name = "root mean square of them"
-        yield self._of("verification/rms", name, rms, "g", (line,), {"end": "up"}, kind="verification")
-
     # Equations
 
     def models(self) -> Iterator[Equation]:
@@ -208,6 +183,12 @@ class IndexingFindings:
             bias, scale = self.estimates.line(name)
             clauses = (*ORBIT, ON_THE_GROUND[name])
             yield self._equation(f"end_{name}", f"acceleration_{name}", clauses, bias, scale)
+        for found in self.verification.regressions:
+            if found.differs:
+                yield self._equation(
+                    f"end_{found.end}_corrected", f"corrected_acceleration_{found.end}",
+                    (*ORBIT, ON_THE_GROUND[found.end], CORRECTED), found.bias, found.slope, budget=found.budget,
+                )  # fmt: skip
         model = self.found.model
         if model.fit is not None and both is not None:
             units = {"c0": output, "delta": "rad", "cxz": f"{output}/g²", "c2": f"{output}/g²", "c3": f"{output}/g³"}
@@ -224,9 +205,9 @@ class IndexingFindings:
 
     def _equation(
         self, name: str, quantity: str, clauses: tuple[str, ...], bias: Estimate, scale: Estimate,
-        known: tuple[BudgetLine, ...] = (),
+        known: tuple[BudgetLine, ...] = (), budget: IndexingBudget | None = None,
     ) -> Equation:  # fmt: skip
-        output, budget = self.unit.output_unit, self.estimates.budget
+        output, budget = self.unit.output_unit, budget or self.estimates.budget
         u_bias, u_scale = (
             float(np.sqrt(sum(line.u**2 for line in (*budget.lines(each), *more))))
             for each, more in ((bias, known), (scale, ()))
@@ -287,12 +268,10 @@ class IndexingFindings:
         lines: Sequence[BudgetLine],
         at: Mapping[str, Any],
         tail: str = "",
-        kind: str = "sweep",
         flags: tuple[str, ...] = (),
         interval: Interval | None = None,
     ) -> Finding:
-        rows = self.verified if kind == "verification" else self.estimates.rows
-        steps = tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in rows))
+        steps = tuple(dict.fromkeys(each.step.rsplit("/", 2)[0] for each in self.estimates.rows))
         subject = self.data.subject(self.unit)
         return subject.finding(quantity, name, value, unit, lines, at, steps, tail, flags, interval)
 

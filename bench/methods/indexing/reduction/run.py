@@ -17,13 +17,16 @@ from bench.methods.indexing.reduction.calibrate import CalibrationSettings, Stat
 from bench.methods.indexing.reduction.estimates import IndexingEstimates
 from bench.methods.indexing.reduction.findings import IndexingFindings
 from bench.methods.indexing.reduction.readings import (
+    Face,
     IndexingReading,
     clocking_arrays,
     readings_of,
     sweep_record,
     usable_clocking,
 )
+from bench.methods.indexing.reduction.sides import SideFindings
 from bench.methods.indexing.reduction.two_ends import Agreement, BothEnds
+from bench.methods.indexing.reduction.verification import Verification
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.propagation import Measured
 from bench.metrology.results.curves import Constant
@@ -70,9 +73,15 @@ def attempts_of(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any])
     return _attempts(readings, unit, settings)
 
 
-def _attempts(readings: Sequence[IndexingReading], unit: UnitUnderTest, settings: Mapping[str, Any]) -> list[Attempt]:
+def _attempts(
+    every: Sequence[IndexingReading], unit: UnitUnderTest, settings: Mapping[str, Any], face: Face = "Z"
+) -> list[Attempt]:
+    """Measurements of both ends, or with the face Y of both sides, which are reduced in the same way."""
+    readings = [each for each in every if each.face == face]
     numbers = sorted({each.attempt for each in readings if each.kind == "sweep"})
-    clocked = usable_clocking([each for each in readings if each.kind == "clocking"], _limit(unit, settings))
+    clocked = usable_clocking(
+        [each for each in every if each.kind == "clocking" and each.face == "Z"], _limit(unit, settings)
+    )
     attempts = []
     for number in numbers:
         swept = [each for each in readings if each.kind == "sweep" and each.attempt == number]
@@ -105,26 +114,43 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         return UnitResult(unit.place, unit.serial, (), (), ("both ends",), (*flags, Flag("no_sweep")))
     last = attempts[-1]
     limit = _limit(unit, settings)
-    clocked = usable_clocking([each for each in readings if each.kind == "clocking"], limit)
-    verified = usable_clocking([each for each in readings if each.kind == "verification"], limit)
+    clocked = usable_clocking([each for each in readings if each.kind == "clocking" and each.face == "Z"], limit)
+    verified = usable_clocking([each for each in readings if each.kind == "verification" and each.face == "Z"], limit)
     platform = settings["platform_rad"]
     known = None if platform is None else Measured(platform, settings["platform_u_rad"])
     estimates = IndexingEstimates(data, unit, last.readings, last.found, clocked, known)
+    verification = Verification(data.subject(unit), estimates, verified)
     findings = IndexingFindings(
-        data, unit, last.found, estimates, verified, settings["bias_per_c_u"], settings["scale_per_c_u"]
+        data, unit, last.found, estimates, verification, settings["bias_per_c_u"], settings["scale_per_c_u"]
     )
-    residuals_g = tuple(findings.verification_residuals_g().tolist())
+    sides = _sides(data, unit, _attempts(readings, unit, settings, "Y"))
+    residuals_g = tuple(verification.residuals_g.tolist())
     detail = IndexingDetail(unit.output_unit, tuple(attempts), tuple(verified), residuals_g)
     left_out = [f"+Z {name}" for name, end in last.found.ends.items() if end is None or end.fit is None]
     return UnitResult(
         place=unit.place,
         uut=unit.serial,
-        findings=tuple(findings.findings()),
+        findings=(*findings.findings(), *(sides.findings() if sides else ())),
         models=tuple(findings.models()),
         left_out=tuple(left_out),
-        flags=(*flags, *_flags(attempts, clocked)),
+        flags=(
+            *flags,
+            *_flags(attempts, clocked),
+            *(sides.flags() if sides else ()),
+            *([Flag("verification:corrected")] if any(each.differs for each in verification.regressions) else []),
+        ),
         detail=detail,
         compensations=_compensations(estimates.both, unit),
+    )
+
+
+def _sides(data: RunData, unit: UnitUnderTest, attempts: Sequence[Attempt]) -> SideFindings | None:
+    """Results with the unit on its sides, by the last attempt; None if it was not measured there."""
+    if not attempts:
+        return None
+    last = attempts[-1]
+    return SideFindings(
+        data.subject(unit), last.found, IndexingEstimates(data, unit, last.readings, last.found, (), None)
     )
 
 

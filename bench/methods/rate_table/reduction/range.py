@@ -111,7 +111,7 @@ def _unlike(radius: Finding, low: Turning, unit: UnitUnderTest, data: RunData) -
     if unit.arm_m is None:
         return False
     mount = next(each.mount for each in data.acquisitions if each.step == low.step)
-    input_axis = turned_axes((), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), mount, unit.mount_angle_deg)[0]
+    input_axis = turned_axes((), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), mount, (unit.mount_angle_deg, 0.0))[0]
     stated_m = -float(input_axis @ np.array(unit.arm_m))
     return abs(radius.value - stated_m) > ARM_U * float(np.hypot(radius.u, unit.arm_u_m))
 

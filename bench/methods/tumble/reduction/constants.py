@@ -23,8 +23,10 @@ NAMES = {
     "K1_si": "scale factor of the channel, per m/s²",
     "K2": "K2 + asymmetry: second-order nonlinearity, and the asymmetry of what measures it",
     "misalignment": "misalignment of the input axis in the plane of the tumble",
+    "misalignment_y": "misalignment of the input axis towards the output axis",
     "K3": "third-order nonlinearity",
     "Kip": "cross coupling of input and pendulous axis",
+    "Kio": "cross coupling of input and output axis",
     "asymmetry": "asymmetry of the converter: its scale for positive pulses less that for negative, relative",
 }
 CONTAINS = {"K1": ("K3",), "K1_si": ("K3",), "K2": ("asymmetry",)}  # unless these are determined separately
@@ -56,7 +58,7 @@ class TumbleConstants:
             "temperature_c": dwell.temperature_c,
             "temperature_u_c": self.of.temperature_u_c(dwell.temperature_c),
         }
-        for quantity in ("K0", "K1", "K2", "misalignment", *self.extra):
+        for quantity in ("K0", "K1", "K2", dwell.tumble.first, *dwell.tumble.extra):
             gain = dwell.gain_of(quantity)
             weights = np.abs(gain) / np.max(np.abs(gain))
             steps = tuple(s for s, weight in zip(dwell.steps, weights, strict=True) if weight > WEIGHT_SHOWN)

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.methods.tumble.reduction.solution import IncompleteTumble, Tumble, further_terms, solve_tumble
 from bench.metrology.acquisition import Acquisition, Array, Output
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.orientation import elevation_rad
+from bench.metrology.orientation import elevation_rad, is_clocked
 from bench.metrology.outputs import mean_output
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -87,7 +88,7 @@ def solve_dwells(data: RunData, unit: UnitUnderTest) -> SolvedDwells:
     """Solve every group of acquisitions of a run for one unit, in order of measurement."""
     groups = data.groups()
     angle_rad = axis_rad(data.acquisitions, unit, data.bench)
-    extra = further_terms(angle_rad)
+    extra = further_terms(angle_rad, _clocked(data.acquisitions, unit, data.bench))
     rising = _rising([acquisitions[0].set_c for acquisitions in groups.values()])
     dwells: list[Dwell] = []
     left_out: list[str] = []
@@ -113,6 +114,11 @@ def _incomplete(number: int, missing_deg: Sequence[float]) -> Flag:
 def axis_rad(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> Array:
     """Nominal angles (n,) of the input axis above the horizontal."""
     return np.array([elevation_rad(acquisition, unit, bench) for acquisition in acquisitions])
+
+
+def _clocked(acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord) -> NDArray[np.bool_]:
+    """Acquisitions (n,) with the unit rotated by 90° about its input axis."""
+    return np.array([is_clocked(acquisition, unit, bench) for acquisition in acquisitions], dtype=np.bool_)
 
 
 def _usable(
@@ -143,11 +149,10 @@ def _solved(
 ) -> Dwell:
     """Solution of one dwell; raises IncompleteTumble."""
     head_deg = np.array([acquisition.angle_deg for acquisition in used])
-    angle = axis_rad(used, unit, bench)
+    angle, clocked = axis_rad(used, unit, bench), _clocked(used, unit, bench)
     readings = np.array([output.value for output in outputs])
     time_s = np.array([(acquisition.begin_s + acquisition.end_s) / 2 for acquisition in used])
-    tumble = solve_tumble(angle, readings, extra, time_s)
-    sine, cosine = np.sin(angle), np.cos(angle)
+    tumble = solve_tumble(angle, readings, extra, time_s, clocked)
     return Dwell(
         number=number,
         group=used[0].group,
@@ -160,7 +165,7 @@ def _solved(
         readings=readings,
         head_rad=np.radians(head_deg),
         gain=tumble.gain(),
-        turn=tumble.k1 * (cosine - tumble.misalignment_rad * sine + 2 * tumble.k2_g_per_g2 * sine * cosine),
+        turn=tumble.per_rad(angle, clocked),
         single_u=float(np.mean([output.single_u for output in outputs])),
         steps=tuple(acquisition.step for acquisition in used),
         quantisation_u=np.array([output.quantisation_u for output in outputs]),

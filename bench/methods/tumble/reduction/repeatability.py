@@ -59,7 +59,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, bias_per_c_u: float) -> UnitRes
         return UnitResult(unit.place, unit.serial, (), (), solved.left_out, tuple(flags))
     of = _alike_left_out(TumbleUnit.of(data, unit, solved.dwells))
     flags += flags_of_scale(float(np.mean([dwell.values["K1"] for dwell in of.dwells])), 0.0, unit)
-    repeated = [_over(quantity, of) for quantity in UNITS]
+    repeated = [_over(name, of) for name in UNITS if all(name in dwell.values for dwell in of.dwells)]
     findings = [*(_deviation(each, of) for each in repeated), _closure(of, bias_per_c_u)]
     return UnitResult(
         place=unit.place,

@@ -4,6 +4,10 @@ The model is E = c0 + K1 sin θ + (K1 d) cos θ + c2 sin² θ, θ the angle of t
 output units (V, mA or pulse/s). The four-point formulas are its special case at 0°, 90°, 180° and 270°. Confounded
 terms of a four-point tumble: K1 contains K3, c2 contains the asymmetry of a converter, d the zero error of the head.
 More angles separate further terms: Kip sin θ cos θ, K3 sin³ θ, and a converter's |sin θ|.
+
+A unit that is clocked, rotated by 90° about its input axis, has its output axis where the pendulous axis was: at its
+readings d is the misalignment towards the output axis, and Kio takes the place of Kip. Readings in both mounts have
+K0, K1, K2 and K3 in common.
 """
 
 from __future__ import annotations
@@ -18,12 +22,20 @@ from numpy.typing import NDArray
 
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
 
+Mask = NDArray[np.bool_]
+
 FOUR_POINTS_DEG = (0.0, 90.0, 180.0, 270.0)
 TERMS = ("c0", "K1", "d·K1", "c2")
-CONSTANTS = ("K0", "K1", "misalignment", "K2")  # coefficients that follow from the terms, in their order
+OF_MOUNT = {
+    "misalignment": False,
+    "Kip": False,
+    "misalignment_y": True,
+    "Kio": True,
+}  # terms of readings clocked or not
 # Further terms and the largest condition number of the column-scaled design with which each is fitted. Eight angles and
 # more have 6 with K3 and Kip, 15 to 20 with the asymmetry; six, a degree off the level, 80 with K3 (equations 1.5).
-EXTRA = {"Kip": 10.0, "K3": 10.0, "asymmetry": 30.0}
+EXTRA = {"Kip": 10.0, "Kio": 10.0, "K3": 10.0, "asymmetry": 30.0}
+LEAST_SHOWN = 0.1  # root mean square of a term; four angles near 0°, 90°, … show the cross couplings with 0.02
 SAME_ANGLE_RAD = 1e-3
 DRIFT_DOF = 2  # minimum degrees of freedom without a drift for a drift to be fitted
 DRIFT_CONDITION = 1.5  # maximum increase of the condition number by the drift: it must not resemble a constant
@@ -33,11 +45,13 @@ DRIFT_CONDITION = 1.5  # maximum increase of the condition number by the drift: 
 class Tumble:
     """The solution of one tumble. Angles in rad; output units as the readings; g is local gravity.
 
-    `extra` are the further terms that were fitted. A linear drift may be a last term, not used further.
+    `extra` are the further terms that were fitted, `first` is the misalignment among the four. A linear drift may be a
+    last term, not used further.
     """
 
     fit: LinearFit
     extra: tuple[str, ...] = ()
+    first: str = "misalignment"
 
     @property
     def c0(self) -> float:
@@ -66,8 +80,14 @@ class Tumble:
 
     @property
     def misalignment_rad(self) -> float:
-        """Misalignment d of the input axis in the plane of the tumble."""
+        """Misalignment d of the input axis in the plane of the tumble; of two mounts, the one not clocked."""
         return self._over_k1(float(self.fit.coefficients[2]))
+
+    def per_rad(self, angle_rad: Array, clocked: Mask) -> Array:
+        """Derivative of the readings (n,) with respect to their angles, in output units per rad."""
+        sine, cosine, values = np.sin(angle_rad), np.cos(angle_rad), self.values
+        tilted = np.where(clocked, values.get("misalignment_y", 0.0), values.get("misalignment", 0.0))
+        return np.asarray(self.k1 * (cosine - tilted * sine + 2 * self.k2_g_per_g2 * sine * cosine))
 
     def _over_k1(self, value: float) -> float:
         """Value / K1; NaN for a unit that does not follow its input at all."""
@@ -81,7 +101,8 @@ class Tumble:
         """
         found = (self.k0_g, self.k1, self.misalignment_rad, self.k2_g_per_g2)
         further = self.fit.coefficients[len(TERMS) : len(TERMS) + len(self.extra)] / self.k1 * self._per_term()
-        return dict(zip((*CONSTANTS, *self.extra), (*found, *further.tolist()), strict=True))
+        names = ("K0", "K1", self.first, "K2", *self.extra)
+        return dict(zip(names, (*found, *further.tolist()), strict=True))
 
     def _per_term(self) -> Array:
         """Factors from further terms / K1 to their coefficients."""
@@ -110,12 +131,20 @@ class IncompleteTumble(NotDetermined):
             self.args = (f"{self}; no reading near {', '.join(f'{angle:g}°' for angle in missing_deg)}",)
 
 
-def further_terms(angle_rad: Array) -> tuple[str, ...]:
-    """Further terms that these angles of the input axis (n,) separate from all others, tested one after the other."""
-    distinct = len(np.unique(np.round(np.mod(angle_rad, 2 * np.pi) / SAME_ANGLE_RAD)))
-    extra: tuple[str, ...] = ()
+def further_terms(angle_rad: Array, clocked: Mask | None = None) -> tuple[str, ...]:
+    """Further terms that these angles of the input axis (n,) separate from all others, tested one after the other.
+
+    Readings in two mounts, `clocked` (n,) or not, have the second misalignment in any case.
+    """
+    turned = np.zeros(len(angle_rad), dtype=np.bool_) if clocked is None else clocked
+    angles = np.round(np.mod(angle_rad, 2 * np.pi) / SAME_ANGLE_RAD)
+    distinct = len(np.unique(np.stack([angles, turned], axis=-1), axis=0))
+    extra: tuple[str, ...] = ("misalignment_y",) if len(np.unique(turned)) > 1 else ()
     for name, most in EXTRA.items():
-        if distinct > len(TERMS) + len(extra) and _condition(design_of(angle_rad, (*extra, name))) < most:
+        design = design_of(angle_rad, (*extra, name), turned)
+        readings = np.sum(turned == OF_MOUNT[name]) if name in OF_MOUNT else len(turned)
+        shown = np.linalg.norm(design[:, -1]) > LEAST_SHOWN * np.sqrt(readings)  # also false without a reading
+        if shown and distinct > len(TERMS) + len(extra) and _condition(design) < most:
             extra = (*extra, name)
     return extra
 
@@ -125,21 +154,35 @@ def _condition(design: Array) -> float:
     return float(singular[0] / max(singular[-1], np.finfo(np.float64).tiny))
 
 
-def design_of(angle_rad: Array, extra: Sequence[str] = ()) -> Array:
-    """Columns (n, p) of the terms at angles (n,) of the input axis above the horizontal."""
+def design_of(angle_rad: Array, extra: Sequence[str], clocked: Mask) -> Array:
+    """Columns (n, p) of the terms at angles (n,) of the input axis above the horizontal, the unit clocked or not."""
     sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
-    further = {"Kip": sine * cosine, "K3": sine**3, "asymmetry": np.abs(sine)}
-    return np.stack([np.ones_like(sine), sine, cosine, sine**2, *(further[name] for name in extra)], axis=-1)
+    first = np.where(clocked, 0.0, cosine) if "misalignment_y" in extra else cosine
+    further = {
+        "misalignment_y": np.where(clocked, cosine, 0.0),
+        "Kip": np.where(clocked, 0.0, sine * cosine),
+        "Kio": np.where(clocked, sine * cosine, 0.0),
+        "K3": sine**3,
+        "asymmetry": np.abs(sine),
+    }
+    return np.stack([np.ones_like(sine), sine, first, sine**2, *(further[name] for name in extra)], axis=-1)
 
 
-def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), time_s: Array | None = None) -> Tumble:
+def solve_tumble(
+    angle_rad: Array, reading: Array, extra: Sequence[str] = (), time_s: Array | None = None,
+    clocked: Mask | None = None,
+) -> Tumble:  # fmt: skip
     """Least squares over `reading` (n,) in output units at the actual angles (n,) of the input axis above horizontal.
 
-    `extra` are further terms to be fitted. With the times of the readings (n,), and enough of them, a linear drift is
-    one more, so that it is neither in the coefficients, which are those of the mean time, nor in the scatter. Raises
-    IncompleteTumble, with the terms and positions, if the angles do not determine the terms.
+    `extra` are further terms to be fitted; those of a mount without a reading, `clocked` (n,) or not, are left out.
+    With the times of the readings (n,), and enough of them, a linear drift is one more, so that it is neither in the
+    coefficients, which are those of the mean time, nor in the scatter. Raises IncompleteTumble, with the terms and
+    positions, if the angles do not determine the terms.
     """
-    design, names = design_of(angle_rad, extra), (*TERMS, *extra)
+    turned = np.zeros(len(angle_rad), dtype=np.bool_) if clocked is None else clocked
+    first = "misalignment" if not turned.all() else "misalignment_y"
+    extra = [name for name in extra if name != first and (name not in OF_MOUNT or np.any(turned == OF_MOUNT[name]))]
+    design, names = design_of(angle_rad, extra, turned), (*TERMS, *extra)
     try:
         fit = least_squares(design, reading, names=names)
         if time_s is not None and fit.dof > DRIFT_DOF:
@@ -147,7 +190,7 @@ def solve_tumble(angle_rad: Array, reading: Array, extra: Sequence[str] = (), ti
             drifting = np.column_stack([design, since_s / np.max(np.abs(since_s))])
             if _condition(drifting) < DRIFT_CONDITION * fit.condition:
                 fit = least_squares(drifting, reading, names=(*names, "drift"))
-        return Tumble(fit, tuple(extra))
+        return Tumble(fit, tuple(extra), first)
     except NotDetermined as cause:
         raise IncompleteTumble(cause, missing_positions_deg(np.degrees(angle_rad))) from None
 

@@ -18,7 +18,10 @@ from bench.metrology.reversible import reversible_slope
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
-UNITS = {"K0": "g", "misalignment": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "asymmetry": "1"}
+UNITS = {
+    "K0": "g", "misalignment": "rad", "misalignment_y": "rad", "K2": "g/g²", "K3": "g/g³", "Kip": "g/g²", "Kio": "g/g²",
+    "asymmetry": "1",
+}  # fmt: skip
 READINGS = "readings: scatter pooled over the run"
 
 

@@ -263,3 +263,82 @@ def test_a_sensor_of_negative_scale_factor_differs_in_that_alone():
     odd = {"K1", "asymmetry"}  # the larger sense of an output is the other one then
     assert other == pytest.approx({name: -value if name in odd else value for name, value in usual.items()}, abs=1e-12)
     assert usual["asymmetry"] == pytest.approx(30e-6, abs=1e-6)
+
+
+# Two mounts
+
+
+D_Y, KIO = -2e-3, -3e-5
+
+
+def linear(angle, *, d=1e-3, kip=5e-6, k3=-3e-5):
+    """Output without products of misalignment and coefficients, which no tumble separates."""
+    return accelerometer(angle, d=0.0, kip=kip, k3=k3) + 1.13 * d * np.cos(angle)
+
+
+def clocked_at(angle, **more):
+    """A unit rotated by a quarter of a turn about its input axis: the output axis is where the pendulous axis was."""
+    return linear(angle, **{"d": D_Y, "kip": KIO, **more})
+
+
+def in_two_mounts(count, other=None):
+    first, second = evenly(count), evenly(count if other is None else other)
+    clocked = np.repeat([False, True], [len(first), len(second)])
+    reading = np.concatenate([linear(first), clocked_at(second)])
+    return np.concatenate([first, second]), reading, clocked
+
+
+@pytest.mark.parametrize(("count", "other"), [(8, 8), (12, 8), (8, 12)])
+def test_two_mounts_tell_both_misalignments_and_both_couplings(count, other):
+    angle, reading, clocked = in_two_mounts(count, other)
+    extra = further_terms(angle, clocked)
+    assert extra == ("misalignment_y", "Kip", "Kio", "K3", "asymmetry")
+    values = solve_tumble(angle, reading, extra, clocked=clocked).values
+    expected = {
+        "K0": 1e-3, "K1": 1.13, "misalignment": 1e-3, "K2": 2e-5, "misalignment_y": D_Y, "Kip": 5e-6, "Kio": KIO,
+        "K3": -3e-5, "asymmetry": 0,
+    }  # fmt: skip
+    assert values == pytest.approx(expected, abs=1e-12)
+
+
+def test_four_angles_in_two_mounts_tell_both_misalignments_alone():
+    angle, _, clocked = in_two_mounts(4)
+    assert further_terms(angle, clocked) == ("misalignment_y",)
+
+
+def test_a_dwell_in_the_second_mount_alone_has_the_terms_of_that_mount():
+    angle = evenly(8)
+    clocked = np.ones(8, dtype=np.bool_)
+    tumble = solve_tumble(angle, clocked_at(angle), ("misalignment_y", "Kip", "Kio", "K3"), clocked=clocked)
+    expected = {"K0": 1e-3, "K1": 1.13, "misalignment_y": D_Y, "K2": 2e-5, "Kio": KIO, "K3": -3e-5}
+    assert tumble.values == pytest.approx(expected, abs=1e-12)
+    assert tumble.per_rad(angle, clocked) == pytest.approx(
+        slope_of(lambda at: clocked_at(at, kip=0, k3=0), angle), abs=1e-7
+    )
+
+
+def slope_of(reading, angle, step=1e-4):
+    return (reading(angle + step) - reading(angle - step)) / (2 * step)
+
+
+def test_standard_errors_of_two_mounts_are_the_published_ones():
+    angle = np.tile(evenly(12, 0.0), 2)
+    clocked, extra = np.repeat([False, True], 12), ("misalignment_y", "Kip", "Kio", "K3")
+    reading = accelerometer(angle, k0=0, k1=1.0, k2=0, d=0)
+    tumble = solve_tumble(angle, reading, extra, clocked=clocked)
+    found = dict(zip(tumble.values, np.linalg.norm(tumble.gain(), axis=1), strict=True))
+    published = {
+        "K0": 0.35, "K1": 0.91, "misalignment": 0.41, "misalignment_y": 0.41, "K2": 0.58, "Kip": 0.82, "Kio": 0.82,
+        "K3": 1.15,
+    }  # fmt: skip
+    assert found == pytest.approx(published, abs=0.01)
+
+
+def test_gain_in_two_mounts_is_the_derivative_of_every_constant():
+    angle, reading, clocked = in_two_mounts(8)
+    extra, step = further_terms(angle, clocked), 1e-6
+    tumble = solve_tumble(angle, reading, extra, clocked=clocked)
+    for index in (0, 5, 9, 15):
+        moved = solve_tumble(angle, reading + step * (np.arange(16) == index), extra, clocked=clocked).values
+        slopes = [(moved[name] - value) / step for name, value in tumble.values.items()]
+        assert tumble.gain()[:, index] == pytest.approx(slopes, rel=1e-4, abs=1e-8)

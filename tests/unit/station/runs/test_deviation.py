@@ -19,6 +19,7 @@ TURNED = Expectation(
     HEAD.model_copy(update={"fixture": HEAD.fixture.model_copy(update={"mounts": MOUNTS})}), "a", "pulse/s", 1000.0
 )
 CHANNEL = load_bench(ROOT / "config" / "channel.yaml").bench
+CHANNEL_IMU = load_bench(ROOT / "config" / "channel_imu.yaml").bench
 FED = Expectation(CHANNEL, "a", "pulse/s", 11_300.0, 1e7)
 STEPS = """\
 schema: itb-sequence/1
@@ -138,6 +139,19 @@ def test_an_inertial_unit_is_near_its_expectation_on_each_axis(tmp_path, bench, 
         outputs, deviations = found[name], found[f"{name}.deviation"]
         assert len(deviations) >= 4 * 3
         assert max(abs(each.mean) for each in deviations) < 0.02 * max(abs(each.mean) for each in outputs)
+
+
+def test_of_an_inertial_unit_the_current_counts_for_the_channel_that_the_source_feeds():
+    acts = Stimulus(input="source", input_channel="acc_y", sources_a={"source": 1e-4})
+    of_channels = {each.channel: each.at(acts) for _, each in deviation._expectations(CHANNEL_IMU) if each.channel}
+    assert of_channels == pytest.approx({"acc_x": 0.0, "acc_y": 1000.0, "acc_z": 0.0})
+    plugged = (1.0, "step_ended", {"input": "source", "input_channel": "acc_z"})
+    back = (2.0, "step_ended", {"input": "accelerometer", "mount": "z_up"})
+    assert [each.input_channel for _, each in deviation.course(Journal(plugged, back), CHANNEL_IMU)] == [
+        "",
+        "acc_z",
+        "",
+    ]
 
 
 def test_a_converter_is_near_what_its_source_lets_expect(tmp_path):

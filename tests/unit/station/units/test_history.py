@@ -7,6 +7,7 @@ import pytest
 from bench.station.runs.findings import findings_of
 from bench.station.units.comparison import compare
 from bench.station.units.history import history
+from bench.station.units.trends import YEAR
 from bench.store.runs import list_runs, summary
 from tests.support.stored_results import finding, instant, line, stored
 
@@ -134,3 +135,30 @@ def test_results_that_somebody_has_broken_are_a_problem_in_words(tmp_path):
     found = findings_of(summary(run))
     assert found.findings == []
     assert "results.json" in found.problem
+
+
+@pytest.mark.parametrize(
+    ("months", "moved", "within"),
+    [
+        (6, 0.2, True), (6, -0.2, True), (6, 0.4, False), (6, -0.4, False), (6, 0.3, None), (12, 0.4, True),
+        (0.5, 0.04, True), (0.5, 0.06, False),  # less than a month counts as one
+    ],
+)  # fmt: skip
+def test_the_next_calibration_is_compared_with_the_drift_that_the_last_one_specified(tmp_path, months, moved, within):
+    """0.05 a month, each value with a U of 0.001 of its own."""
+    own, first = line("readings: scatter", 0.0005, kind="A"), instant(2020)
+    stored(tmp_path, first, [{**finding(0.0, own), "monthly_drift": 0.05}])
+    stored(tmp_path, first + months * YEAR / 12, [finding(moved, own)])
+    (found,) = series(tmp_path)
+    assert found.points[0].change is None
+    change = found.points[1].change
+    assert (change.value, change.within) == (pytest.approx(moved), within)
+    assert change.allowed == pytest.approx(0.05 * max(months, 1))
+    assert change.expanded == pytest.approx(2 * 0.0005 * 2**0.5)
+
+
+def test_without_a_specified_drift_nothing_is_compared(tmp_path):
+    for year in (2020, 2021):
+        stored(tmp_path, instant(year), [finding(0.1, OWN)])
+    (found,) = series(tmp_path)
+    assert [each.change for each in found.points] == [None, None]
