@@ -64,6 +64,7 @@ ELSEWHERE = {
     "indexing_static": ("indexing", "indexing_pulses", "indexing_telemetry"),
     "imu_24_position": ("imu", "imu_telemetry"),
     "imu_start_up": ("imu", "imu_telemetry"),
+    "indexing_three_axes": ("indexing_three_axes",),
     "imu_two_mountings": ("imu_two_axis",),
     **dict.fromkeys(("channel_full", "channel_gravity", "channel_skew", "channel_source"), ("channel",)),
     "channel_imu": ("channel_imu", "channel_imu_telemetry"),

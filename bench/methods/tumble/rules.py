@@ -21,6 +21,7 @@ CONSTANTS = {"c0": "K0", "K1": "K1", "d·K1": "misalignment", "c2": "K2"}  # by 
 LEAST_REPETITIONS = 3
 FURTHER = ("K3", "Kip", "Kio", "asymmetry", "misalignment_y")  # terms that need eight angles or more, or a second mount
 OF_SECOND_MOUNT = {"Kio", "misalignment_y"}
+EVENLY, SAME_GAP_DEG = 8, 0.1
 CLOCKED = 0.5  # sine of the roll of a mount beyond which the output axis is in the plane of the tumble
 SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 OVER_TEMPERATURE = ("/temperature_coefficient", "T1", "T2", "/hysteresis", "/model_residual")
@@ -58,6 +59,11 @@ def _not_separated(positions: list[Position], wanted: list[str], bench: BenchFil
     """Further terms with limits that these positions of a run cannot determine."""
     if not wanted:
         return []
+    by_mount = [[angle for angle, clocked in positions if clocked == mount] for mount in (False, True)]
+    if all(_evenly(angles_deg) for angles_deg in by_mount if angles_deg):  # the usual case
+        without = [{"Kip"}, OF_SECOND_MOUNT]
+        missing = set[str]().union(*(names for names, at in zip(without, by_mount, strict=True) if not at))
+        return [name for name in wanted if name in missing]
     import numpy as np  # only if limits name them, so that a check does not import numpy
 
     from bench.methods.tumble.reduction.solution import further_terms
@@ -66,6 +72,12 @@ def _not_separated(positions: list[Position], wanted: list[str], bench: BenchFil
     clocked = np.array([each for _, each in positions], dtype=np.bool_)
     found = (*further_terms(angle_rad, clocked), *(["misalignment_y"] if clocked.any() else []))
     return [name for name in wanted if name not in found]
+
+
+def _evenly(angles_deg: list[float]) -> bool:
+    """True for eight angles or more, evenly over a turn, which determine all further terms of their mount."""
+    apart = [after - before for before, after in zip(angles_deg, [*angles_deg[1:], angles_deg[0] + 360], strict=True)]
+    return len(apart) >= EVENLY and max(apart) - min(apart) < SAME_GAP_DEG
 
 
 def _inseparable(angles_deg: list[float], bench: BenchFile) -> str:

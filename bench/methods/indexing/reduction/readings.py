@@ -27,6 +27,7 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 OTHER_SIDE = {"below": "above", "above": "below", "": ""}
 UPRIGHT = 0.5  # sine of the smallest angle of an input axis above the level at which it is not the one measured
 NOT_TURNED = 0.5  # cosine of the angle between an input axis and that of the head, from which the head does not turn it
+CLOCK_DIGITS = 6  # decimals of a clocking in °; those of a bench file have fewer
 TURN_DEG = 1e-3  # finite difference of the head angle, for derivatives
 
 Kind = Literal["sweep", "clocking", "verification"]
@@ -102,7 +103,7 @@ def readings_of(data: RunData, unit: UnitUnderTest) -> tuple[list[IndexingReadin
             angle_rad=float(np.arcsin(np.clip(axes[0], -1, 1))),
             head_rad=float(np.radians(acquisition.angle_deg)),
             turn=turn,
-            clock_rad=float(np.arctan2(-along_head, turn)),
+            clock_rad=float(np.radians(round(np.degrees(np.arctan2(-along_head, turn)) % 360, CLOCK_DIGITS) % 360)),
             output=output.value if usable else float("nan"),
             stable="unstable" not in output.problems,
             temperature_c=float(np.mean(temperature_c)) if len(temperature_c) else float("nan"),
