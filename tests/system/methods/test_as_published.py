@@ -39,7 +39,8 @@ SHORTER = {  # sequence: bench, what is shortened, flags of its units (of an ine
 }  # fmt: skip
 COMPARED = {
     "channel": compare_channel, "imu": compare_imu, "indexing": compare_indexing, "ramp": compare_ramp,
-    "tumble": lambda folder: compare_one(folder, results_of(folder)), "accel_response": partial(compare_table, output="codes"), "": compare_table,
+    "tumble": lambda folder: compare_one(folder, results_of(folder)),
+    "accel_response": partial(compare_table, output="codes"), "": compare_table,
 }  # fmt: skip
 
 

@@ -14,8 +14,8 @@ from tests.support.runs import ROOT
 
 PAGE = ROOT / "docs/explanation/sources.md"
 PUBLISHED = (
-    "accel_range", "accel_response", "channel_full", "channel_gravity", "channel_skew", "channel_source", "gyro_range",
-    "gyro_response", "imu_24_position", "indexing_static", "ramp_dynamic", "tumble_static",
+    "accel_range", "accel_response", "channel_full", "channel_gravity", "channel_imu", "channel_skew", "channel_source",
+    "gyro_range", "gyro_response", "imu_24_position", "indexing_static", "ramp_dynamic", "tumble_static",
 )  # fmt: skip
 LINK = re.compile(r"\[([\d.]+)\]\(([^)#]+)#?([^)]*)\)")
 CODE = re.compile(r"`([^`]+)`")
