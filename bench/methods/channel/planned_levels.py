@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from bench.config.fixture import Mount
 from bench.config.models import BenchFile
 from bench.config.places import ACCELEROMETERS, PlaceEntry
+from bench.methods.channel.level_names import level_name
 from bench.sequence.checks.acquired import ramps_during
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import poses_before
@@ -28,7 +29,7 @@ class _Inputs:
 
 
 def planned_levels(plan: Plan, bench: BenchFile, place: PlaceEntry, label: str) -> Mapping[str, set[str]]:
-    """Levels of each accelerometer channel of an inertial unit in the ramps under a label, for people.
+    """Names of the levels of each accelerometer channel of an inertial unit in the ramps under a label.
 
     On a slab: the axes of a table are taken to stand at 0°.
     """
@@ -50,11 +51,11 @@ def planned_levels(plan: Plan, bench: BenchFile, place: PlaceEntry, label: str) 
 def _levels(bench: BenchFile, place: PlaceEntry, mount: Mount, inputs: _Inputs) -> Iterator[tuple[str, str]]:
     if inputs.by_source:
         if inputs.channel in ACCELEROMETERS:
-            yield inputs.channel, f"{inputs.set_g.get(place.source or '', 0.0):.4g} g by the source"
+            yield inputs.channel, level_name(inputs.set_g.get(place.source or "", 0.0), by_source=True)
         return
     for sensor, level_g in zip(ACCELEROMETERS, _upward(bench, mount, place.mount_angle), strict=True):
         if abs(level_g) >= LEAST_LEVEL_G:
-            yield sensor, f"{level_g:.3f} g by gravity"
+            yield sensor, level_name(level_g, by_source=False)
 
 
 def _upward(bench: BenchFile, mount: Mount, own_deg: float) -> tuple[float, float, float]:

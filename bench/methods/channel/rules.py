@@ -115,11 +115,11 @@ def channel_left_out(plan: Plan, bench: BenchFile) -> Iterator[Found]:
         for name, unit in bench.places.items():
             levels = planned_levels(plan, bench, unit, entry.data) if unit.channels is not None else {}
             every = set[str]().union(*levels.values())
-            lacking = [f"{sensor} at {', '.join(sorted(every - own))}" for sensor, own in levels.items() if every - own]
+            lacking = [f"{sensor}/{level}" for sensor, own in levels.items() for level in sorted(every - own)]
             if lacking:
                 yield (
                     (*place, "data"),
-                    f"the unit in place '{name}' is incomplete: no ramp of channel {'; '.join(lacking)}",
+                    f"the unit in place '{name}' is incomplete: no ramp of {', '.join(lacking)}",
                     "Add a set-up with the axis of the channel up (expect: {mount: …}), or with the source in it "
                     "(expect: {input: source, channel: …})",
                 )

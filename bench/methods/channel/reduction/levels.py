@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from bench.methods.channel.level_names import level_name
 from bench.methods.channel.reduction.line import ChannelRecord
 from bench.methods.channel.reduction.means import Means, joined, means_of
 from bench.methods.channel.reduction.transfer_meter import Metered, believes_meter, metered
@@ -18,8 +19,6 @@ from bench.metrology.pulse_counts import mean_rate, shifted_counts
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 LEAST_LEVEL_G = 0.1  # of an axis of an inertial unit; below it, it is level, and its channel has no input level
-LEVEL_DIGITS_G = 3  # levels closer to each other are one level
-SKEW_G = 0.577  # level of three axes at equal angles to the vertical, 1/√3
 SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host
 
 
@@ -41,11 +40,7 @@ class InputLevel:
     @property
     def name(self) -> str:
         """Name of the level: up_1g, skew, src_12g."""
-        level_g = round(self.level_g if self.set_g is None else self.set_g, LEVEL_DIGITS_G) + 0.0
-        if self.kind == "source":
-            return f"src_{level_g:g}g"
-        usual = {1.0: "up_1g", -1.0: "down_1g", SKEW_G: "skew"}
-        return usual.get(level_g, f"gravity_{level_g:g}g")
+        return level_name(self.level_g if self.set_g is None else self.set_g, by_source=self.kind == "source")
 
 
 @dataclass(frozen=True, slots=True)
