@@ -23,7 +23,7 @@ def attitude(raw):
 def orientation(bench, targets, mount=Mount()):  # noqa: B008  frozen
     """Where the unit's axes then point, by the arithmetic of the reduction."""
     turns = [(bench.axes[role], angle_deg) for role, angle_deg in targets.items()]
-    return turned_axes(turns, bench.fixture.x, bench.fixture.z, mount, 0.0)
+    return turned_axes(turns, bench.fixture.x, bench.fixture.z, mount, (0.0, 0.0))
 
 
 @pytest.mark.parametrize("name", NAMES)
