@@ -121,7 +121,7 @@ class _Draws:
     def _imu(self, name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
         readings = (entry.temperature, entry.gyro_temperature or entry.temperature)
         channels = entry.channels.model_dump() if entry.channels is not None else {}
-        decodings = {name: decoding_of(self._bench, channel) for name, channel in channels.items()}
+        decodings = {sensor: decoding_of(self._bench, channel) for sensor, channel in channels.items()}
         return ImuPlace(
             unit=unit,
             channels=channels,
@@ -130,7 +130,8 @@ class _Draws:
             thermometers={
                 sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
             },
-            decodings={name: each for name, each in decodings.items() if each is not None},
+            decodings={sensor: each for sensor, each in decodings.items() if each is not None},
+            arm_m=self._arm_m(name, entry),
         )
 
     def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:

@@ -122,11 +122,9 @@ def _table(world: World) -> dict[str, Any]:
     settings = world.settings
     if settings.table.loop is None:
         return {}
-    arms_m = {name: place.arm_m for name, place in sorted(settings.places.items())}
-    warm_c = {
-        name: settings.chamber.start_c + place.unit.thermal.self_heating
-        for name, place in sorted(settings.places.items())
-    }
+    places = sorted([*settings.places.items(), *settings.imus.items()])
+    arms_m = {name: place.arm_m for name, place in places}
+    warm_c = {name: settings.chamber.start_c + place.unit.thermal.self_heating for name, place in places}
     return {
         "table": asdict(settings.table), "encoder_skew_s": settings.encoder_skew_s, "arms_m": arms_m,
         "warm_c": warm_c, "room_c": settings.chamber.start_c, "latitude_deg": settings.latitude_deg,

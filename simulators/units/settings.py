@@ -49,7 +49,8 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` those of sent codes;
-    `thermometers` are their errors, by SENSORS.
+    `thermometers` are their errors, by SENSORS. `arm_m` is the true position of its reference point, as in
+    PlaceSettings.
     """
 
     unit: ImuFile
@@ -58,6 +59,7 @@ class ImuPlace:
     mount_angle_deg: float
     thermometers: Mapping[str, ThermometerErrors]
     decodings: Mapping[str, Decoding] = field(default_factory=dict)
+    arm_m: Vector = NOWHERE
 
 
 @dataclass(frozen=True, slots=True)

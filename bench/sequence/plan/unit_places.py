@@ -17,8 +17,8 @@ def occupied(bench: BenchFile, sequence: Outline, named: Collection[str] = ()) -
     If none is named, every place has one whose kind of unit the methods of the sequence measure; all places, if it has
     no method or no place suits its methods. InputError if a named place does not suit them and another does.
     """
-    measured = {known_methods()[entry.method].measures for entry in sequence.results if entry.method in known_methods()}
-    suited = [name for name, place in bench.places.items() if measured <= {place.kind}]
+    measured = [known_methods()[entry.method].kinds for entry in sequence.results if entry.method in known_methods()]
+    suited = [name for name, place in bench.places.items() if all(place.kind in kinds for kinds in measured)]
     if suited and (others := [name for name in named if name not in suited]):
         raise InputError(
             f"place '{others[0]}' is for {UNIT_KINDS[bench.places[others[0]].kind]}, the sequence measures "

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction import waveform
+from bench.methods.rate_table.reduction.assembly import each_sensor
 from bench.methods.rate_table.reduction.chirp import chirp_points
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
@@ -59,12 +60,12 @@ HARMONICS = 2
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to gain, phase and bandwidth of every gyro against the rate of the table."""
-    return [_gyro(data, unit, settings) for unit in data.units]
+    return each_sensor(data, settings, "gyro", _gyro)
 
 
 def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to arms, gain, phase and bandwidth of every accelerometer against the acceleration by the table."""
-    return [_accelerometer(data, unit, settings) for unit in data.units]
+    return each_sensor(data, settings, "acc", _accelerometer)
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
