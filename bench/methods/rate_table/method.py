@@ -158,6 +158,12 @@ class GyroResponseSettings(GyroScale, ResponseSettings):
     gain_reference: Literal["absolute", "lowest"] = Field(
         "absolute", description="gains relative to the stated scale factor, or to that at the lowest frequency"
     )
+    lever_hz: Hertz | None = Field(
+        None,
+        alias="lever_frequency",
+        description="frequency of an oscillation for the lever arms of accelerometers under the same label; it is left "
+        "out of the response",
+    )
 
 
 class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
