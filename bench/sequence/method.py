@@ -80,8 +80,8 @@ class MethodDescription(NamedTuple):
     translations of its texts by language, the function that divides the run into spans, its reductions of recorded
     cases, and the function that computes the truth of simulated data from the RunData of a label and the World of the
     simulation. `parts` are the loops and groups that its reduction finds by name. `meaning` describes its results,
-    `measures` its kind of unit or several, `needs_calibration` is true if it needs the released calibration of each unit, `closes`
-    if it uses the acquisitions of `closure` like its other data.
+    `measures` its kind of unit or several, `needs_calibration` is true if it needs a released calibration of each unit,
+    `closes` if it uses the acquisitions of `closure` like its other data.
     """
 
     name: str

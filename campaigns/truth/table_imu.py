@@ -2,9 +2,9 @@
 
     python -m campaigns.truth.table_imu --seeds 20 --kind misaligned
 
-runs `table_full` through all wires. The truth takes the mountings from the words of the sequence (which axis is up and
-which along the fixture), the arms from the file of the unit and the drawn position of its middle, and the definitions of
-the results from equations 5: it shares no line with the reduction.
+runs `table_full` through all wires. The truth takes the mountings from the words of the sequence (which axis is up, and
+which along the fixture), the arms from the file of the unit and the drawn position of its middle, and the definitions
+of the results from equations 5: it shares no line with the reduction.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Placed:
 
     def force_g(self, rate_dps: float) -> tuple[np.ndarray, ...]:
         """Along the input axis and the two after it, while the table turns."""
-        pull = -np.radians(rate_dps) ** 2 * self.arm_m * np.array([1, 1, 0]) / self.bench["gravity_mps2"]
+        pull = -(np.radians(rate_dps) ** 2) * self.arm_m * np.array([1, 1, 0]) / self.bench["gravity_mps2"]
         return tuple(np.array([each]) for each in self.axes @ (UP + pull))
 
     @property
@@ -169,7 +169,8 @@ def _accelerometer_range(place: Placed, results: dict) -> dict[str, Truth]:
 def _low_dps(results: dict, place: Placed) -> Iterator[float]:
     """Rates of the acquisitions that a radius is made of."""
     for found in results["findings"]:
-        if found["quantity"] == "radius" and (found["at"]["sensor"], found["at"]["mount"]) == (place.sensor, place.mount):
+        at = found["at"]
+        if found["quantity"] == "radius" and (at["sensor"], at["mount"]) == (place.sensor, place.mount):
             for step in found["steps"]:
                 yield float(re.search(r"/rate=([\d.]+)/", step)[1])  # type: ignore[index]
 

@@ -20,6 +20,7 @@ from simulators.physics.attitude import Mount, to_unit
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.units.accelerometer import Decoding, Through, UnitTruth
 from simulators.units.accelerometer_unit import SimulatedUnit
+from simulators.units.settings import ImuPlace, PlaceSettings
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -122,9 +123,11 @@ def _table(world: World) -> dict[str, Any]:
     settings = world.settings
     if settings.table.loop is None:
         return {}
-    places = sorted([*settings.places.items(), *settings.imus.items()])
-    arms_m = {name: place.arm_m for name, place in places}
-    warm_c = {name: settings.chamber.start_c + place.unit.thermal.self_heating for name, place in places}
+    places: Mapping[str, PlaceSettings | ImuPlace] = {**settings.places, **settings.imus}
+    arms_m = {name: place.arm_m for name, place in sorted(places.items())}
+    warm_c = {
+        name: settings.chamber.start_c + place.unit.thermal.self_heating for name, place in sorted(places.items())
+    }
     return {
         "table": asdict(settings.table), "encoder_skew_s": settings.encoder_skew_s, "arms_m": arms_m,
         "warm_c": warm_c, "room_c": settings.chamber.start_c, "latitude_deg": settings.latitude_deg,

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from simulators.physics.attitude import Vector, to_unit
 from simulators.physics.dynamics import POINTS, Follower, look_at_s, mean_input
 from simulators.physics.table_kinematics import NOWHERE
+from simulators.units.accelerometer import UnitTruth
+from simulators.units.gyro import GyroTruth
 from simulators.units.imu_drawn import ImuTruth
 from simulators.units.imu_file import NAMES
 from simulators.units.settings import ImuPlace
@@ -24,8 +26,11 @@ AXES = range(len(NAMES))
 
 def is_on_table(truth: ImuTruth, settings: ImuPlace) -> bool:
     """True if arms or dynamic responses of the sensors matter."""
-    sensors = (*truth.accelerometers, *truth.gyros)
-    return settings.arm_m != NOWHERE or any(each.dynamics is not None for each in sensors)
+    return settings.arm_m != NOWHERE or any(each.dynamics is not None for each in _sensors(truth))
+
+
+def _sensors(truth: ImuTruth) -> tuple[UnitTruth | GyroTruth, ...]:
+    return (*truth.accelerometers, *truth.gyros)
 
 
 class SensorsOnTable:
@@ -33,15 +38,13 @@ class SensorsOnTable:
 
     def __init__(self, truth: ImuTruth, settings: ImuPlace, world: Surroundings) -> None:
         self._truth, self._settings, self._world = truth, settings, world
-        self._sensors = (*truth.accelerometers, *truth.gyros)
+        self._sensors = _sensors(truth)
         self._followers = [None if each.dynamics is None else Follower(each.dynamics) for each in self._sensors]
 
-    def sensed(
-        self, edges_s: Array, warm_c: tuple[Array, Array], drifting: tuple[Array, Array]
-    ) -> tuple[Array, Array]:
+    def sensed(self, edges_s: Array, warm_c: tuple[Array, Array], drifting: tuple[Array, Array]) -> tuple[Array, Array]:
         """Mean currents of the accelerometers and mean pulse rates of the gyros between edges (n + 1,), (3, n) each.
 
-        `warm_c` are the temperatures of accelerometers and gyros (n,), `drifting` their bias changes in g and °/s (3, n).
+        `warm_c` are the temperatures of accelerometers and gyros (n,), `drifting` their biases in g and °/s (3, n).
         """
         found = np.empty((len(self._sensors), len(edges_s) - 1))
         for delay_s in dict.fromkeys(each.delay_s for each in self._sensors):

@@ -29,8 +29,8 @@ GYROS, ACCELEROMETERS = (tuple(f"{kind}_{axis}" for axis in "xyz") for kind in (
 class ScaleOf:
     """Validator of scale factors, one or a list of one for each kind of output, to numbers by the unit of the output.
 
-    They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s. Of an inertial unit they may
-    be stated for each of its `sensors`: a mapping, to such numbers by sensor.
+    They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s. Of an inertial unit they
+    may be stated for each of its `sensors`: a mapping, to such numbers by sensor.
     """
 
     per: str
@@ -88,8 +88,8 @@ class GyroScale(StrictModel):
 
     scale: Annotated[Scales, ScaleOf("°/s", GYROS)] = Field(
         description="stated scale factor, the reference of errors and gains; a quantity such as 4000 pulse/°, "
-        "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output; of an inertial unit that of all gyros, "
-        "or a mapping of gyro_x, gyro_y and gyro_z to their own"
+        "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output; of an inertial unit that of all "
+        "gyros, or a mapping of gyro_x, gyro_y and gyro_z to their own"
     )
 
 

@@ -26,7 +26,9 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     f"{entry.method} is for {wanted}, place '{name}' is for {UNIT_KINDS[place.kind]}{one}",
                     "Choose another method, or a bench with the units that it is for",
                 )
-            elif method.counts_at == "windows" and "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None:
+            elif (
+                method.counts_at == "windows" and "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None
+            ):
                 yield (
                     ("results", index, "method"),
                     f"{entry.method} compares gyros that send their rates with the table's rate, which is "

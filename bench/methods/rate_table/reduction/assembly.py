@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from bench.methods.rate_table.method import scales_of
 from bench.metrology.acquisition import Acquisition, Array, Counts, Mount, Positions
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import turned_axes
@@ -33,7 +32,7 @@ NOT_ONE_SWING, OTHER_MOUNTING, NO_SENSOR = "not_one_swing", "mounting_unlike_seq
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor in a mounting, as a unit of its own: `name` is acc_x to gyro_z, `mount` is "" on a bench without mounts.
+    """A sensor in a mounting, as a unit of its own: `name` is acc_x to gyro_z, `mount` "" on a bench without mounts.
 
     Its arm is in the frame of the table, with the input axis along x.
     """
@@ -79,7 +78,7 @@ def _assembly(
             left_out.append(mount.name or unit.place)
         there = replace(data, acquisitions=tuple(replace(each, mount=Mount()) for each in used))
         for sensor in sensors:
-            own = {**settings, "scale": scales_of(settings["scale"], sensor.name)}
+            own = {**settings, "scale": settings["scale"].get(sensor.name, settings["scale"])}
             parts.append((sensor, reduce(there, sensor.unit, own)))
     return _together(unit, parts, flags, left_out)
 
