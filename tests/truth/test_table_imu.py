@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ Y_UP = Mount("y_up", roll_deg=90.0)
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A run in two mountings, of a misaligned unit whose scale factors are negative in bench file and sequence."""
+    """A run in two mountings, of a unit whose scale factors are negative, as bench file and sequence state."""
     folder = tmp_path_factory.mktemp("table_imu")
     bench, sequence = prepared(folder / "config", "negative scale")
     settings = (*SHORT, "mountings=[z_up, x_up]")
@@ -45,9 +46,8 @@ def test_errors_of_all_sensors_stay_within_their_uncertainties(run):
 def test_one_report_has_every_sensor_in_its_mountings(run):
     results, page = results_of(run), (run / "report.html").read_text("utf-8")
     sensors = {(each["at"]["mount"], each["at"]["sensor"]) for each in results["findings"]}
-    assert sensors == {
-        ("z_up", "gyro_z"), ("z_up", "acc_x"), ("z_up", "acc_y"), ("x_up", "gyro_x"), ("x_up", "acc_y"), ("x_up", "acc_z"),
-    }  # fmt: skip
+    in_z_up = {("z_up", name) for name in ("gyro_z", "acc_x", "acc_y")}
+    assert sensors == in_z_up | {("x_up", name) for name in ("gyro_x", "acc_y", "acc_z")}
     assert results["verdict"] == "PASS"
     assert [flag for unit in results["units"] for flag in unit["flags"]] == []
     for mount, sensor in sensors:
@@ -90,7 +90,7 @@ def test_accelerometers_from_another_swing_than_the_encoder_are_noticed(run):
     swings = [each for each in data.acquisitions if each.mount.name == "z_up"]
     mixed = tuple(
         replace(each, counts={**each.counts, **{name: before.counts[name] for name in ("ax", "ay", "az")}})
-        for before, each in zip(swings, swings[1:], strict=False)
+        for before, each in pairwise(swings)
     )
     settings = {"scale": "-11300 pulse/s/g"}
     chosen = ACCELEROMETER_RESPONSE.settings.model_validate(settings).model_dump()

@@ -88,11 +88,12 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
             named = sensors if unit.channels is not None else ("",)
             lacking = next((each for each in named if output not in scales_of(settings["scale"], each)), None)
             if lacking is not None and not exempt:
-                what = f"of {lacking} " if lacking else ""
                 yield (
                     (*place, "settings"),
-                    f"no scale factor is stated for the output {what}of the unit in place '{name}', which is in "
-                    f"{output}",
+                    f"no scale factor is stated for the output of {lacking} of the unit in place '{name}', which is in "
+                    f"{output}"
+                    if lacking
+                    else f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
                     f"Add it to the setting scale, in {output}/({per}); a list has one scale factor for each kind of "
                     "output",
                 )
