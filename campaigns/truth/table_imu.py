@@ -30,7 +30,7 @@ from simulators.units.gyro import GyroTruth
 
 KINDS = ("as shipped", "negative scale", "misaligned", "noisy")
 SHORT = (
-    "warm_up=40 min", "rates=[100 °/s, 200 °/s, 300 °/s, 400 °/s]", "rest=5 s", "rate_record=5 s",
+    "warm_up=25 min", "rates=[100 °/s, 200 °/s, 300 °/s, 400 °/s]", "rest=5 s", "rate_record=5 s",
     "frequencies=[10.2 Hz, 30.2 Hz, 50.2 Hz, 62.2 Hz, 70.2 Hz, 78.2 Hz, 90.2 Hz]", "swing_record=5 s",
     "lever_record=20 s",
 )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.physics.attitude import Vector, to_unit
-from simulators.physics.dynamics import POINTS, Follower, look_at_s, mean_input
+from simulators.physics.dynamics import Follower, look_at_s, mean_input
 from simulators.physics.table_kinematics import NOWHERE
 from simulators.units.accelerometer import UnitTruth
 from simulators.units.gyro import GyroTruth
@@ -50,20 +50,22 @@ class SensorsOnTable:
         for delay_s in dict.fromkeys(each.delay_s for each in self._sensors):
             rows = [row for row, each in enumerate(self._sensors) if each.delay_s == delay_s]
             look_s = look_at_s(edges_s, delay_s)
-            for row, output in zip(rows, self._outputs(rows, look_s.ravel(), warm_c, drifting), strict=True):
-                inputs, follower = output.reshape(look_s.shape), self._followers[row]
+            at_s = look_s[:, :1] if self._world.kinematics.at_rest(look_s[0]) else look_s  # constant in an interval
+            for row, output in zip(rows, self._outputs(rows, at_s, warm_c, drifting), strict=True):
+                inputs, follower = np.broadcast_to(output.reshape(at_s.shape), look_s.shape), self._followers[row]
                 found[row] = mean_input(inputs) if follower is None else follower.mean(inputs, np.diff(edges_s))
         return found[: len(NAMES)], found[len(NAMES) :]
 
     def _outputs(
         self, rows: Sequence[int], at_s: Array, warm_c: tuple[Array, Array], drifting: tuple[Array, Array]
     ) -> list[Array]:
-        """Outputs of sensors at times before their dynamic responses, (4 n,) each."""
+        """Outputs of sensors before their dynamic responses, (n · p,) each, at times (n, p) in n intervals."""
+        points, at_s = at_s.shape[1], at_s.ravel()
         world, into_unit = self._world, to_unit(self._world.mount, self._settings.mount_angle_deg)
         rate_dps = into_unit @ world.kinematics.rate_dps(at_s)
         forces_g = [into_unit @ each for each in world.kinematics.forces_g(at_s, [self._arm_m(row) for row in rows])]
-        accelerometer_c, gyro_c = (np.repeat(each, len(POINTS)) for each in warm_c)
-        drifting_g, drifting_dps = (np.repeat(each, len(POINTS), axis=1) for each in drifting)
+        accelerometer_c, gyro_c = (np.repeat(each, points) for each in warm_c)
+        drifting_g, drifting_dps = (np.repeat(each, points, axis=1) for each in drifting)
         found = []
         for row, force_g in zip(rows, forces_g, strict=True):
             axis = row % len(NAMES)

@@ -93,7 +93,9 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
                     f"no scale factor is stated for the output of {lacking} of the unit in place '{name}', which is in "
                     f"{output}"
                     if lacking
-                    else f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
+                    else (
+                        f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}"
+                    ),
                     f"Add it to the setting scale, in {output}/({per}); a list has one scale factor for each kind of "
                     "output",
                 )
