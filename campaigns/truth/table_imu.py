@@ -206,6 +206,7 @@ def main() -> int:
     """Print how errors compare with their uncertainties; 1 when those of a kind do not fit."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=1, help="the first seed")
     parser.add_argument("--kind", choices=KINDS, action="append")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--perfect", action="store_true")
@@ -217,7 +218,7 @@ def main() -> int:
             bench, sequence = prepared(folder / "config", kind, perfect=options.perfect)
             requests = [
                 RunRequest(str(sequence), bench=str(bench), seed=seed, settings=SHORT, runs=folder / f"runs{seed}")
-                for seed in range(1, options.seeds + 1)
+                for seed in range(options.first, options.first + options.seeds)
             ]
             runs = campaign(requests, options.processes)
             found = [each for run in runs for each in compare_table_imu(run)]
