@@ -24,8 +24,8 @@ WORTH = {  # a standard uncertainty that is worth stating, at most
 }  # fmt: skip
 SHORTER = (
     "mountings=[z_up, x_up]", "warm_up=25 min", "rates=[100 °/s, 200 °/s, 300 °/s, 400 °/s]", "rest=4 s",
-    "rate_record=4 s", "frequencies=[10.2 Hz, 50.2 Hz, 57.2 Hz, 62.2 Hz, 70.2 Hz, 78.2 Hz, 84.2 Hz]", "swing_record=3 s",
-    "lever_record=20 s",
+    "rate_record=4 s", "swing_record=3 s", "lever_record=20 s",
+    "frequencies=[10.2 Hz, 50.2 Hz, 57.2 Hz, 62.2 Hz, 70.2 Hz, 78.2 Hz, 84.2 Hz]",
 )  # fmt: skip
 Y_UP = Mount("y_up", roll_deg=90.0)
 
