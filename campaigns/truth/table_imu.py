@@ -151,6 +151,8 @@ def _accelerometer_range(place: Placed, results: dict) -> dict[str, Truth]:
     moved_c = sum(min(threshold_c, rise_c) for threshold_c in unit.thresholds_c)
     after_g = unit.hysteresis_g * moved_c / sum(unit.thresholds_c)
     squares = np.radians(list(_low_dps(results, place))) ** 2 * (1 + place.rate) ** 2
+    if not len(squares):
+        return {}  # no radius was found
     rises_g = [output_g(float(np.degrees(np.sqrt(square)))) - output_g(0.0) for square in squares]
     per_square = float(squares @ rises_g) / float(squares @ squares)
 
