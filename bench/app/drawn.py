@@ -122,7 +122,7 @@ class _Draws:
     def _imu(self, name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
         readings = (entry.temperature, entry.gyro_temperature or entry.temperature)
         channels = entry.channels.model_dump() if entry.channels is not None else {}
-        decodings = {name: decoding_of(self._bench, channel) for name, channel in channels.items()}
+        decodings = {sensor: decoding_of(self._bench, channel) for sensor, channel in channels.items()}
         return ImuPlace(
             unit=unit,
             channels=channels,
@@ -134,6 +134,7 @@ class _Draws:
             decodings={name: each for name, each in decodings.items() if each is not None},
             converter_thermometer=self._thermometer(entry.converter_temperature or ""),
             source=entry.source or "",
+            arm_m=self._arm_m(name, entry),
         )
 
     def _axis(self, role: str, path: tuple[str, ...]) -> AxisErrors:

@@ -180,6 +180,8 @@ def where(at: Mapping[str, Any], dwells: Mapping[str, int]) -> str:
     parts = [*_levels_in_words(at), *_dwells_in_words(at, dwells)]
     if "axis" in at:
         parts.insert(0, tr("axis {axis}", axis=at["axis"] + at.get("toward", "")))
+    if "sensor" in at:
+        parts.insert(0, tr(", ").join(filter(None, (at["sensor"], at["mount"]))))
     if at.get("temperature_set_c") is not None:
         parts.append(tr("set point {set_c} °C", set_c=f"{at['temperature_set_c']:g}"))
     elif "temperature_c" in at:

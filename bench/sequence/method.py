@@ -81,7 +81,7 @@ class MethodDescription(NamedTuple):
     translations of its texts by language, the function that divides the run into spans, its reductions of recorded
     cases, and the function that computes the truth of simulated data from the RunData of a label and the World of the
     simulation. `parts` are the loops and groups that its reduction finds by name. `meaning` describes its results,
-    `measures` its kinds of unit, `needs_calibration` is true if it needs the released calibration of each unit,
+    `measures` its kind of unit or several, `needs_calibration` is true if it needs a released calibration of each unit,
     `closes` if it uses the acquisitions of `closure` like its other data.
     """
 
@@ -100,7 +100,7 @@ class MethodDescription(NamedTuple):
     after: tuple[str, ...] = ()
     parts: tuple[NamedPart, ...] = ()
     meaning: str = CHANNEL
-    measures: tuple[UnitKind, ...] = ("channel",)
+    measures: UnitKind | tuple[UnitKind, ...] = "channel"
     needs_calibration: bool = False
     closes: bool = False
     shown: Mapping[str, str] = NOTHING
@@ -113,6 +113,11 @@ class MethodDescription(NamedTuple):
             name: unit.replace(GYRO_OUTPUT, gyro_output_unit or output_unit).replace(OUTPUT, output_unit)
             for name, unit in self.stated.items()
         }
+
+    @property
+    def kinds(self) -> tuple[UnitKind, ...]:
+        """Kinds of units that it measures."""
+        return self.measures if isinstance(self.measures, tuple) else (self.measures,)
 
     @property
     def stated(self) -> dict[str, str]:

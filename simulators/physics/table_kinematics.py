@@ -6,7 +6,7 @@ f = up + (w x (w x r) + dw/dt x r) / g in local g, in the frame of the fixture (
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,12 +105,16 @@ class TableKinematics:
 
     def force_g(self, at_s: Array, arm_m: Vector) -> Array:
         """Specific force in local g at a place, whose arm is from the intersection of the axes."""
+        return self.forces_g(at_s, [arm_m])[0]
+
+    def forces_g(self, at_s: Array, arms_m: Sequence[Vector]) -> list[Array]:
+        """The same at several places."""
         up = self.upward(at_s)
-        if arm_m == NOWHERE or self.at_rest(at_s):
-            return up
+        if self.at_rest(at_s) or all(arm_m == NOWHERE for arm_m in arms_m):
+            return [up for _ in arms_m]
         velocity, change = self._turning(at_s)
-        pull = np.cross(velocity, np.cross(velocity, arm_m)) + np.cross(change, arm_m)
-        return np.asarray(up + pull.T / self._gravity_mps2)
+        pulls = [np.cross(velocity, np.cross(velocity, arm_m)) + np.cross(change, arm_m) for arm_m in arms_m]
+        return [np.asarray(up + pull.T / self._gravity_mps2) for pull in pulls]
 
     def rate_dps(self, at_s: Array) -> Array:
         """Angular rate in inertial space."""

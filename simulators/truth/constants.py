@@ -21,6 +21,7 @@ from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.units.accelerometer import Decoding, Through, UnitTruth
 from simulators.units.accelerometer_unit import SimulatedUnit
 from simulators.units.imu import SimulatedImu
+from simulators.units.settings import ImuPlace, PlaceSettings
 from simulators.world import World
 
 Array = NDArray[np.float64]
@@ -126,10 +127,10 @@ def _table(world: World) -> dict[str, Any]:
     settings = world.settings
     if settings.table.loop is None:
         return {}
-    arms_m = {name: place.arm_m for name, place in sorted(settings.places.items())}
+    places: Mapping[str, PlaceSettings | ImuPlace] = {**settings.places, **settings.imus}
+    arms_m = {name: place.arm_m for name, place in sorted(places.items())}
     warm_c = {
-        name: settings.chamber.start_c + place.unit.thermal.self_heating
-        for name, place in sorted(settings.places.items())
+        name: settings.chamber.start_c + place.unit.thermal.self_heating for name, place in sorted(places.items())
     }
     return {
         "table": asdict(settings.table), "encoder_skew_s": settings.encoder_skew_s, "arms_m": arms_m,

@@ -1,7 +1,8 @@
 """An inertial unit in its place: counts or codes of its six channels, and readings of its two thermometers.
 
 Its three accelerometers are computed together, and so are its gyros: their constants are columns, (3, 1), and stimuli
-have a row for each axis. The accelerometers are assumed at the intersection of the table's axes.
+have a row for each axis. The accelerometers are assumed at the intersection of the table's axes, unless the unit is on
+an arm (`imu_on_table`).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from simulators.units.accelerometer_unit import Input
 from simulators.units.gyro import noise_of_gyro
 from simulators.units.imu_drawn import draw_imu, stacked
 from simulators.units.imu_file import NAMES, ImuFile
+from simulators.units.imu_on_table import SensorsOnTable, is_on_table
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import stream
@@ -62,6 +64,8 @@ class SimulatedImu:
         self._noise += [noise_of_gyro(truth, settings.seed, place, f"gyro_{axis}") for axis, _, truth in named]
         self._gyro_drift = stacked(self.truth.gyro_drifts)
         self._gyros_send = stacked(self.truth.gyros_send) if self.truth.gyros_send else None
+        on_table = is_on_table(self.truth, self.settings)
+        self._on_table = SensorsOnTable(self.truth, self.settings, world) if on_table else None
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
         start_c, unit = settings.chamber.start_c, self.settings.unit.accelerometer(NAMES[0])
         self.temperatures = UnitTemperatures(world.thermal, sensors[0], unit, start_c, settings.thermometer_lag_s)
@@ -110,6 +114,11 @@ class SimulatedImu:
             self.powered_at_s = now_s if on else None
             for index in self._sensors:
                 self._world.thermal.power(index, on)
+
+    @property
+    def swings(self) -> bool:
+        """True if the inputs of its sensors may reverse between two latches."""
+        return self._on_table is not None
 
     @property
     def drawn_a(self) -> float:
@@ -182,13 +191,17 @@ class SimulatedImu:
         board_c = self.board.followed_c(edges_s, middle, 0.0)  # drifts of the three biases are in `history`
         if self.powered_at_s is None or self.faults.active("dead"):
             return None, np.empty(0), board_c
-        force_g, rate_dps = self._stimulus(edges_s, middle)
         noise = mean_noise(self._noise, interval)
         slow_g, slow_dps = (
             from_[:, np.newaxis] + passed * (to - from_)[:, np.newaxis] for from_, to in zip(begun, ended, strict=True)
         )
         drifting_g = slow_g + hysteresis_g[:, np.newaxis] + moving_g + noise[: len(NAMES)]
         drifting_dps = slow_dps + noise[len(NAMES) :]
+        if self._on_table is not None:
+            warm_c, drifting = (accelerometer_c, gyro_c), (drifting_g, drifting_dps)
+            current_a, gyro_pps = self._on_table.sensed(edges_s, warm_c, drifting)
+            return current_a, self._gyros.clipped_pps(gyro_pps), board_c
+        force_g, rate_dps = self._stimulus(edges_s, middle)
         current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
         gyro_pps = self._gyros.output_pps(rate_dps, force_g, gyro_c, drifting_dps)
         if self.input == "source":
@@ -274,8 +287,8 @@ class ImuChannel:
 
     @property
     def swings(self) -> bool:
-        """False: between two latches an inertial unit is at rest or turns uniformly."""
-        return False
+        """True on an arm of a rate table; else between two latches the unit is at rest or turns uniformly."""
+        return self.imu.swings
 
     def charge_pulses(self, edges_s: Array) -> Array:
         """Charge in each interval between the consecutive times `edges_s`, in pulses."""

@@ -50,6 +50,7 @@ class ImuTruth:
     """One unit as drawn for one run; accelerometers, gyros and bias drifts, x, y, z.
 
     A unit that sends codes has the codes of its gyros in `gyros_send`, and the relative error of its clock.
+    `positions_m` are those of the accelerometers from the reference point of the unit, in its frame.
     """
 
     accelerometers: tuple[UnitTruth, ...]
@@ -58,6 +59,7 @@ class ImuTruth:
     supply_a: Annotated[float, At("supply.current")]
     gyros_send: tuple[GyroSends, ...] = ()
     clock: Annotated[float, At("telemetry.clock")] = 0.0
+    positions_m: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * len(NAMES)
 
 
 Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift, GyroSends)
@@ -67,13 +69,21 @@ def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
     """Draw the unit of one run; each channel has streams of its own."""
     gyros = {f"gyro_{axis}": unit.gyro(axis) for axis in NAMES}
     codes = unit.telemetry.gyros if unit.telemetry else None
+    own = [(axis, getattr(unit.accelerometers, axis).position) for axis in NAMES]
     return drawn(
         ImuTruth, unit, seed, place,
         accelerometers=tuple(draw_unit(unit.accelerometer(axis), seed, f"{place}/acc_{axis}") for axis in NAMES),
         gyros=tuple(draw_gyro(gyro, seed, place, name) for name, gyro in gyros.items()),
         gyro_drifts=tuple(drawn(ZeroDrift, gyro, seed, place, name, "gyro") for name, gyro in gyros.items()),
+        positions_m=tuple(drawn(_position, each, seed, place, f"acc_{axis}", "position") for axis, each in own),
         gyros_send=tuple(drawn(GyroSends, codes, seed, place, name, "telemetry") for name in gyros if codes),
     )  # fmt: skip
+
+
+def _position(
+    x: Annotated[float, At("x")], y: Annotated[float, At("y")], z: Annotated[float, At("z")]
+) -> tuple[float, float, float]:
+    return x, y, z
 
 
 def stacked(truths: tuple[Truth, ...]) -> Truth:

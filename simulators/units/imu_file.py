@@ -30,10 +30,22 @@ NAMES = ("x", "y", "z")
 Angle = Annotated[Draw, DrawIn("rad")]
 
 
+Length = Annotated[Draw, DrawIn("m")]
+
+
+class Position(StrictModel):
+    """Position in the frame of the unit, from its reference point."""
+
+    x: Length = Draw(0)
+    y: Length = Draw(0)
+    z: Length = Draw(0)
+
+
 class ImuAccelerometer(AccelerometerModel):
     """An accelerometer of the three; its misalignments are those of the unit's matrix."""
 
     converter: ConverterModel
+    position: Position = Position()
 
     @model_validator(mode="after")
     def _has_no_play(self) -> ImuAccelerometer:

@@ -50,7 +50,8 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` those of sent codes;
-    `thermometers` are their errors, by SENSORS. `source` is the device that may feed one of its converters.
+    `thermometers` are their errors, by SENSORS. `source` is the device that may feed one of its converters. `arm_m` is
+    the true position of its reference point, as in PlaceSettings.
     """
 
     unit: ImuFile
@@ -61,6 +62,7 @@ class ImuPlace:
     decodings: Mapping[str, Decoding] = field(default_factory=dict)
     converter_thermometer: ThermometerErrors = PERFECT
     source: str = ""
+    arm_m: Vector = NOWHERE
 
 
 @dataclass(frozen=True, slots=True)

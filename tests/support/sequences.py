@@ -58,6 +58,7 @@ ELSEWHERE = {
     "gyro_range": ("gyro",),
     "gyro_response": ("gyro",),
     "gyro_sweep": ("gyro",),
+    "table_full": ("table_imu",),
     "accel_range": ("centrifuge",),
     "accel_response": ("response",),
     "accel_sweep": ("response",),

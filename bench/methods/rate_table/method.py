@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, Literal
@@ -20,24 +21,38 @@ Tolerance = Annotated[Ratio, InUnit("", at_least=0, at_most=0.5)]
 Basis = Literal["reading", "full_scale"]
 PositiveG = Annotated[float, InUnit("g", above=0)]
 PositiveRate = Annotated[float, InUnit("°/s", above=0)]
+Scales = dict[str, float] | dict[str, dict[str, float]]
+GYROS, ACCELEROMETERS = (tuple(f"{kind}_{axis}" for axis in "xyz") for kind in ("gyro", "acc"))
 
 
 @dataclass(frozen=True, slots=True)
 class ScaleOf:
     """Validator of scale factors, one or a list of one for each kind of output, to numbers by the unit of the output.
 
-    They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s.
+    They are in that unit over `per`, such as 4000 pulse/°, which is 4000 pulse/s for 1 °/s. Of an inertial unit they
+    may be stated for each of its `sensors`: a mapping, to such numbers by sensor.
     """
 
     per: str
+    sensors: tuple[str, ...]
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self._validate)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"oneOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
+        listed = {"type": "array", "items": {"type": "string"}, "minItems": 1}
+        own = {sensor: {"oneOf": [{"type": "string"}, listed]} for sensor in self.sensors}
+        by_sensor = {"type": "object", "properties": own, "additionalProperties": False, "minProperties": 1}
+        return {"oneOf": [{"type": "string"}, listed, by_sensor]}
 
-    def _validate(self, raw: object) -> dict[str, float]:
+    def _validate(self, raw: object) -> Scales:
+        if not isinstance(raw, Mapping) or not raw:
+            return self._by_output(raw)
+        if unknown := [key for key in raw if key not in self.sensors]:
+            raise telling(f"has '{unknown[0]}', expected {', '.join(self.sensors)}")
+        return {sensor: self._by_output(given) for sensor, given in raw.items()}
+
+    def _by_output(self, raw: object) -> dict[str, float]:
         units = {output: f"{output}/({self.per})" for output in (*OUTPUT_UNITS, self.per)}
         found: dict[str, float] = {}
         for given in raw if isinstance(raw, list | tuple) and raw else [raw]:
@@ -57,21 +72,34 @@ class ScaleOf:
         return found
 
 
+def scales_of(scale: Mapping[str, Any], sensor: str) -> Mapping[str, float]:
+    """Stated scale factors of a sensor by the unit of its output: its own, or those of all sensors.
+
+    Empty if only those of other sensors are stated.
+    """
+    own = scale.get(sensor)
+    if own is not None:
+        return dict(own)
+    return {unit: value for unit, value in scale.items() if not isinstance(value, Mapping)}
+
+
 class GyroScale(StrictModel):
     """Scale factor of a gyro, from output to rate."""
 
-    scale: Annotated[dict[str, float], ScaleOf("°/s")] = Field(
+    scale: Annotated[Scales, ScaleOf("°/s", GYROS)] = Field(
         description="stated scale factor, the reference of errors and gains; a quantity such as 4000 pulse/°, "
-        "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output"
+        "16000 code/(°/s) or 10 mV/(°/s), or a list of one for each kind of output; of an inertial unit that of all "
+        "gyros, or a mapping of gyro_x, gyro_y and gyro_z to their own"
     )
 
 
 class AccelerometerScale(ScalePerDegree):
     """Scale factor of an accelerometer, from output to acceleration."""
 
-    scale: Annotated[dict[str, float], ScaleOf("g")] = Field(
+    scale: Annotated[Scales, ScaleOf("g", ACCELEROMETERS)] = Field(
         description="calibrated scale factor; a quantity such as 11300 pulse/s/g, 45200 code/g or 226 mV/g, "
-        "or a list of one for each kind of output"
+        "or a list of one for each kind of output; of an inertial unit that of all accelerometers, or a mapping of "
+        "acc_x, acc_y and acc_z to their own"
     )
     scale_u: Tolerance = Field(
         1e-4,
@@ -130,6 +158,12 @@ class GyroResponseSettings(GyroScale, ResponseSettings):
     gain_reference: Literal["absolute", "lowest"] = Field(
         "absolute", description="gains relative to the stated scale factor, or to that at the lowest frequency"
     )
+    lever_hz: Hertz | None = Field(
+        None,
+        alias="lever_frequency",
+        description="frequency of an oscillation for the lever arms of accelerometers under the same label; it is left "
+        "out of the response",
+    )
 
 
 class AccelerometerResponseSettings(AccelerometerScale, ResponseSettings):
@@ -151,6 +185,7 @@ OF_AN_ACCELEROMETER = (
 on_a_table = partial(
     MethodDescription,
     counts_at="table",
+    measures=("channel", "inertial unit"),
     rules="bench.methods.rate_table.rules:RULES",
     words="bench.methods.rate_table.words:WORDS",
     spans="bench.methods.rate_table.shown_range:motions",

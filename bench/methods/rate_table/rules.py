@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from bench.config.models import BenchFile
+from bench.methods.rate_table.method import ACCELEROMETERS, GYROS, scales_of
 from bench.sequence.checks.acquired import results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.checks.swings import acquired_inside, place_of
@@ -42,7 +43,13 @@ def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate
     latched_with = [encoders[motion.role].channel for encoders in all_encoders if motion.role in encoders]
     swings = isinstance(motion, Oscillate)
     for name, place in bench.places.items():
-        if place.is_counted:
+        if bench.sent_units(place):
+            yield (
+                f"it needs all channels of the inertial unit in place '{name}' latched with the encoder of "
+                f"'{motion.role}', which is done for pulses only; this unit sends its output",
+                "Use a bench where a counter counts the pulses of the unit",
+            )
+        elif place.is_counted:
             if WITH_THE_COUNTS not in latched_with:
                 yield (
                     f"it needs the encoder of '{motion.role}' latched with the pulses, and the counter latches no "
@@ -73,14 +80,22 @@ def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A test on a table without a scale factor that converts the output of a unit to a rate or an acceleration."""
     for place, entry in results_by(plan, *METHODS):
         settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
+        of_gyros = entry.method.startswith("gyro")
+        per, sensors = ("°/s", GYROS) if of_gyros else ("g", ACCELEROMETERS)
         for name, unit in bench.places.items():
-            output = bench.output_unit(name)
+            output = bench.gyro_output_unit(name) if of_gyros else bench.output_unit(name)
             exempt = entry.method in RESPONSE_METHODS and unit.voltmeter is not None  # not with a voltmeter
-            if output not in settings["scale"] and not exempt:
-                per = "°/s" if entry.method.startswith("gyro") else "g"
+            named = sensors if unit.channels is not None else ("",)
+            lacking = next((each for each in named if output not in scales_of(settings["scale"], each)), None)
+            if lacking is not None and not exempt:
                 yield (
                     (*place, "settings"),
-                    f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}",
+                    f"no scale factor is stated for the output of {lacking} of the unit in place '{name}', which is in "
+                    f"{output}"
+                    if lacking
+                    else (
+                        f"no scale factor is stated for the output of the unit in place '{name}', which is in {output}"
+                    ),
                     f"Add it to the setting scale, in {output}/({per}); a list has one scale factor for each kind of "
                     "output",
                 )

@@ -14,6 +14,7 @@ from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
 from bench.figures.words import REASONS
 from bench.methods.rate_table.reduction.range_findings import RangeCurve
+from bench.methods.rate_table.shown_assembly import of_each_sensor
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.run_data import RunData
 from bench.reduce.spans import Span, in_unit
@@ -24,7 +25,11 @@ LEAST_SHOWN, SHOWN_AT = 0.01, 60  # of the full scale; number of points on each 
 
 
 def range_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """Plot and table of a unit with at least one point; `name` is the prefix of the ids in the page."""
+    """Plot and table of each sensor with at least one point; `name` is the prefix of the ids in the page."""
+    yield from of_each_sensor(unit, name, _of_one)
+
+
+def _of_one(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     curve = unit.detail
     if not isinstance(curve, RangeCurve) or not curve.points:
         return

@@ -13,6 +13,7 @@ from bench.figures.plots import Plot
 from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
 from bench.methods.rate_table.reduction.response_points import HALF_POWER, Bandwidth, FrequencyResponse, Waveform
+from bench.methods.rate_table.shown_assembly import of_each_sensor
 from bench.metrology.results.finding import Finding, UnitResult
 
 DB_PER_RELATIVE = 20 / np.log(10)
@@ -22,7 +23,11 @@ BLUE, BROWN, GREY = "#0b5394", "#b45309", "#777777"
 
 
 def response_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
-    """Bode plot and points of a unit; `name` is the prefix of the ids in the page."""
+    """Bode plot and points of each sensor; `name` is the prefix of the ids in the page."""
+    yield from of_each_sensor(unit, name, _of_one)
+
+
+def _of_one(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     found = unit.detail
     if not isinstance(found, FrequencyResponse) or not found.points:
         return

@@ -11,6 +11,11 @@ READINGS = {
     "no_common_clock": "its output shares no clock with the encoder of the table, as a swing requires",
     "not_at_rest": "the table moved",
     "not_swinging": "the table did not swing",
+    "not_one_swing": "its channels and the encoder were not latched together: they record different motions",
+    "mounting_unlike_sequence": (
+        "the accelerometer that should point along the axis does not read gravity: the unit is not mounted as the "
+        "sequence says; the results of this mounting are those of other axes"
+    ),
     "not_swept": "the frequency did not change as commanded, or too fast",
 }
 UNITS = {
@@ -35,6 +40,10 @@ UNITS = {
     "radius_unlike_bench_file": (
         "The radius determined with the accelerometer differs from that in the bench file: its scale factor at this"
         " temperature is not as stated, or it is not in its place."
+    ),
+    "{mount}: no_sensor": (
+        "Mounting {mount}: no gyro points along the axis of the table, or no accelerometer is level, as the method "
+        "needs."
     ),
     "no_response": "No frequency has a usable response.",
     "{frequency} Hz invalid": (

@@ -17,16 +17,18 @@ def unsuited_unit(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A method for another kind of unit than a place has, or one that needs an entry missing in the bench file."""
     for index, entry in enumerate(plan.sequence.results):
         method = known_methods()[entry.method]
-        wanted, kinds = method.measures, " and ".join(UNIT_KINDS[kind] for kind in method.measures)
         for name, place in bench.places.items():
-            if place.kind not in wanted:
+            if place.kind not in method.kinds:
+                wanted = " and ".join(UNIT_KINDS[kind] for kind in method.kinds)
                 one = "" if place.voltmeter is None else "; a voltmeter reads one channel, not six simultaneously"
                 yield (
                     ("results", index, "method"),
-                    f"{entry.method} is for {kinds}, place '{name}' is for {UNIT_KINDS[place.kind]}{one}",
+                    f"{entry.method} is for {wanted}, place '{name}' is for {UNIT_KINDS[place.kind]}{one}",
                     "Choose another method, or a bench with the units that it is for",
                 )
-            elif wanted == ("inertial unit",) and "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None:
+            elif (
+                method.counts_at == "windows" and "gyro_x" in bench.sent_units(place) and bench.site.host_clock is None
+            ):
                 yield (
                     ("results", index, "method"),
                     f"{entry.method} compares gyros that send their rates with the table's rate, which is "

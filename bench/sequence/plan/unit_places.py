@@ -18,7 +18,7 @@ def occupied(bench: BenchFile, sequence: Outline, named: Collection[str] = ()) -
     UNIT_KINDS where they measure both; all places, if it has no method or no place suits its methods. InputError if a
     named place does not suit them and another does.
     """
-    measured = [known_methods()[entry.method].measures for entry in sequence.results if entry.method in known_methods()]
+    measured = [known_methods()[entry.method].kinds for entry in sequence.results if entry.method in known_methods()]
     suited = [name for name, place in bench.places.items() if all(place.kind in kinds for kinds in measured)]
     by_kind = ([name for name in suited if bench.places[name].kind == kind] for kind in UNIT_KINDS)
     usual = next(filter(None, by_kind), suited) if measured else suited

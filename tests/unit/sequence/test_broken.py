@@ -26,6 +26,7 @@ FORBIDS = BENCH.model_copy(update={"fixture": BENCH.fixture.model_copy(update={"
 _UNKNOWN = {name: place.model_copy(update={"nominal": None}) for name, place in BENCH.places.items()}
 WITHOUT_NOMINAL = BENCH.model_copy(update={"places": _UNKNOWN})
 RESPONSE, TABLE = (load_bench(ROOT / f"config/{name}.yaml").bench for name in ("response", "rate_table"))
+CUBE, SENT_IMU = (load_bench(ROOT / f"config/{name}.yaml").bench for name in ("table_imu", "imu_telemetry"))
 INDEXING, GYRO, ON_AN_ARM = (
     load_bench(ROOT / f"config/{name}.yaml").bench for name in ("indexing", "gyro", "centrifuge")
 )
@@ -34,7 +35,7 @@ _TELEMETRY = SENT.devices["telemetry"]
 _UNLATCHED = _TELEMETRY.model_copy(update={"options": _TELEMETRY.options.model_copy(update={"positions": {}})})
 BENCHES = {  # by part of a name
     "unlatched": SENT.model_copy(update={"devices": SENT.devices | {"telemetry": _UNLATCHED}}),
-    "of_codes": SENT, "of_volts": VOLTS,
+    "of_a_cube": CUBE, "of_a_sent_imu": SENT_IMU, "of_codes": SENT, "of_volts": VOLTS,
     "forbidden": FORBIDS, "without_nominal": WITHOUT_NOMINAL, "unsuited_ramp": CHANNEL, "no_ammeter": CHANNEL,
     "on_a_table": RESPONSE, "on_indexing": INDEXING, "of_a_gyro": GYRO, "on_an_arm": ON_AN_ARM,
     "between_teeth": BY_HAND, "without_encoder": TABLE, "unreachable_attitude": TWO_AXES, "of_an_imu": IMU,

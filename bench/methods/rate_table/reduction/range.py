@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.methods.rate_table.reduction.assembly import each_sensor
 from bench.methods.rate_table.reduction.radius import LEAST_LOW_RATES, Arm, gyro_error
 from bench.methods.rate_table.reduction.range_findings import BY_RADIUS, PointError, RangeFindings, noise_of
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning, range_blocks
@@ -29,12 +30,12 @@ TOUCH_G = 1.02  # of the highest acceleration for the radius: tolerance for a ra
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to bias and errors of every gyro; rates in °/s by the stated scale factor."""
-    return [_gyro(data, unit, settings) for unit in data.units]
+    return each_sensor(data, settings, "gyro", _gyro)
 
 
 def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to bias, radius and errors of every accelerometer; in local g by the stated scale factor."""
-    return [_accelerometer(data, unit, settings) for unit in data.units]
+    return each_sensor(data, settings, "acc", _accelerometer)
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from bench.methods.rate_table.reduction import waveform
+from bench.methods.rate_table.reduction.assembly import each_sensor
 from bench.methods.rate_table.reduction.chirp import chirp_points
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
@@ -59,12 +60,12 @@ HARMONICS = 2
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to gain, phase and bandwidth of every gyro against the rate of the table."""
-    return [_gyro(data, unit, settings) for unit in data.units]
+    return each_sensor(data, settings, "gyro", _gyro)
 
 
 def reduce_accelerometer(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
     """Reduce a run to arms, gain, phase and bandwidth of every accelerometer against the acceleration by the table."""
-    return [_accelerometer(data, unit, settings) for unit in data.units]
+    return each_sensor(data, settings, "acc", _accelerometer)
 
 
 def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
@@ -74,7 +75,8 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
         return gyro_point(samples.swing(1 / scale.value), nominal_hz, remarks)
 
     sweep = _Sweep.of(data, unit, settings["play_pulses"])
-    points = sweep.with_chirps(sweep.points(sweep.swings, point_of), 1 / scale.value)
+    swings = {hz: samples for hz, samples in sweep.swings.items() if not _is_lever(hz, settings["lever_hz"])}
+    points = sweep.with_chirps(sweep.points(swings, point_of), 1 / scale.value)
     to_lowest = settings["gain_reference"] == "lowest"
     found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
     shown = shown_point([point for point in points if point.nominal_hz in sweep.swings], found, settings["waveform_hz"])
@@ -91,7 +93,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
     sweep, per_pulse = _Sweep.of(data, unit, settings["play_pulses"]), 1 / scale.value
     lever_hz = settings["lever_hz"]
     what = AccelerometerSweep(data.bench.gravity_mps2, None, lever_hz)
-    levers = [hz for hz in sweep.swings if np.isclose(hz, lever_hz, rtol=1e-6)]
+    levers = [hz for hz in sweep.swings if _is_lever(hz, lever_hz)]
     swings = {hz: samples for hz, samples in sweep.swings.items() if hz not in levers}
     arm: LeverArm | None = None
     of_scale: tuple[BudgetLine, ...] = ()
@@ -123,6 +125,10 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         warmer=_warmer(sweep, levers, settings["scale_per_c_u"]), averaged_s=sweep.averaged_s,
     )  # fmt: skip
     return sweep.result(points, found, findings, "g", scale)
+
+
+def _is_lever(frequency_hz: float, lever_hz: float | None) -> bool:
+    return lever_hz is not None and bool(np.isclose(frequency_hz, lever_hz, rtol=1e-6))
 
 
 def _warmer(sweep: _Sweep, levers: list[float], per_c: float) -> dict[float, float]:

@@ -1,0 +1,183 @@
+"""Sensors of an inertial unit on a rate table: which are measured in a mounting, by which data, and what is noticed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.methods.rate_table.method import ACCELEROMETER_RESPONSE, GYRO_RANGE, GYRO_RESPONSE
+from bench.methods.rate_table.reduction import response
+from bench.methods.rate_table.reduction.range import reduce_gyro as reduce_range
+from bench.metrology.acquisition import Mount
+from bench.metrology.run_data import UnitUnderTest
+from bench.report.flag_words import flag_in_words
+from tests.support.flags import texts
+from tests.support.table_runs import BENCH, at_rate, at_rest, data, swinging
+
+PER_DEG, PER_G = 4000.0, 1e4
+NAMES = tuple(f"{kind}_{axis}" for kind in ("acc", "gyro") for axis in "xyz")
+CHANNELS = {name: name for name in NAMES}
+UNIT = UnitUnderTest(
+    "a", "SN", "", 0.0, "warm", channels=CHANNELS, gyro_temperature="warm", nominal_per_g=PER_G,
+    arm_m=(0.3, 0.2, 0.0), arm_u_m=0.01,
+)  # fmt: skip
+Z_UP, Y_UP, X_UP = Mount("z_up"), Mount("y_up", roll_deg=90.0), Mount("x_up", angle_deg=90.0)
+ARMS_M = {"acc_x": (0.31, 0.19), "acc_y": (0.19, -0.32)}  # with z up, each in the frame with its input axis along x
+HZ = 20.37
+
+
+def together(mount=Z_UP, **by_channel):
+    """One latch of all channels, from acquisitions of one channel each."""
+    first = next(iter(by_channel.values()))
+    counts = {name: each.counts["x"] for name, each in by_channel.items()}
+    return replace(first, counts=counts, mount=mount)
+
+
+def swing(frequency_hz=HZ, amplitude_dps=50.0, mount=Z_UP, up="z", scale=1.0):
+    """A swing about the axis that is up: its gyro and two accelerometers sense it, the third senses gravity."""
+    a_rps, omega = np.radians(amplitude_dps), 2 * np.pi * frequency_hz
+
+    def gyro(phase, time_s):
+        return scale * amplitude_dps / omega * PER_DEG * np.sin(phase) + 20 * time_s
+
+    def level(arms_m):
+        x_m, y_m = arms_m
+
+        def charge(phase, time_s):
+            tangential = -y_m * a_rps * np.cos(phase)
+            centripetal = -x_m * a_rps**2 / 2 * (time_s + np.sin(2 * phase) / (2 * omega))
+            return PER_G / BENCH.gravity_mps2 * (tangential + centripetal) + 50 * time_s
+
+        return charge
+
+    charges = {name: level(ARMS_M.get(name, (0.3, 0.2))) for name in NAMES[:3]}
+    charges |= dict.fromkeys(NAMES[3:], lambda _, time_s: 20 * time_s)
+    charges |= {f"acc_{up}": lambda _, time_s: PER_G * time_s, f"gyro_{up}": gyro}
+    made = {name: swinging(frequency_hz, charge, amplitude_dps) for name, charge in charges.items()}
+    return together(mount, **made)
+
+
+def reduced(reduce, method, *acquisitions, **settings):
+    upright = replace(BENCH, axes={"table": replace(BENCH.axes["table"], points=(0.0, 0.0, 1.0))})
+    chosen = method.settings.model_validate(settings).model_dump()
+    (found,) = reduce(data(*acquisitions, unit=UNIT, bench=upright), chosen)
+    return found
+
+
+def gyro(*acquisitions, **settings):
+    return reduced(response.reduce_gyro, GYRO_RESPONSE, *acquisitions, **{"scale": f"{PER_DEG} pulse/°"} | settings)
+
+
+def accelerometers(*acquisitions, **settings):
+    given = {"scale": f"{PER_G} pulse/s/g", "lever_frequency": "1 Hz"} | settings
+    return reduced(response.reduce_accelerometer, ACCELEROMETER_RESPONSE, *acquisitions, **given)
+
+
+def sensors_of(found):
+    return list(dict.fromkeys((each.at["mount"], each.at["sensor"]) for each in found.findings))
+
+
+def test_of_one_swing_the_gyro_along_the_axis_and_the_accelerometers_across_it_are_found():
+    swings = (swing(1.0, 100.0), swing())
+    of_gyro, of_level = gyro(*swings, lever_frequency="1 Hz"), accelerometers(*swings)
+    assert sensors_of(of_gyro) == [("z_up", "gyro_z")]
+    assert sensors_of(of_level) == [("z_up", "acc_x"), ("z_up", "acc_y")]
+    assert texts(of_gyro.flags + of_level.flags) == ("bandwidth_not_reached",) * 2
+    found = {each.id: each for each in of_gyro.findings + of_level.findings}
+    for sensor in ("gyro_z", "acc_x", "acc_y"):
+        gain = found[f"range/a/z_up/{sensor}/gain@0"]
+        assert abs(gain.value - 1) < 3 * gain.u < 5e-3
+    for sensor, arms_m in ARMS_M.items():
+        for axis, arm_m in zip("xy", arms_m, strict=True):
+            assert found[f"range/a/z_up/{sensor}/lever_arm/{axis}"].value == pytest.approx(arm_m, abs=3e-4)
+    assert (of_gyro.place, of_gyro.uut) == ("a", "SN")
+
+
+def test_every_mounting_has_its_sensors_and_an_oscillation_for_the_arms_is_no_point_of_a_gyro():
+    swings = [swing(hz, 50.0, mount, up) for mount, up in ((Z_UP, "z"), (Y_UP, "y"), (X_UP, "x")) for hz in (1.0, HZ)]
+    found = gyro(*swings, lever_frequency="1 Hz")
+    assert sensors_of(found) == [("z_up", "gyro_z"), ("y_up", "gyro_y"), ("x_up", "gyro_x")]
+    assert {each.at["frequency_hz"] for each in found.findings if each.quantity == "gain"} == {HZ}
+    assert "mounting_unlike_sequence" not in str(texts(found.flags))
+
+
+def test_each_sensor_has_the_scale_factor_that_is_stated_for_it():
+    own = {"gyro_z": "4000 pulse/°", "gyro_x": "8000 pulse/°", "gyro_y": "8000 pulse/°"}
+    for scale, gain in ((own, 1.0), (own | {"gyro_z": "-4000 pulse/°"}, 1.0), ("8000 pulse/°", 0.5)):
+        swung = swing(scale=-1.0 if "-4000" in str(scale) else 1.0)
+        found = gyro(swung, scale=scale)
+        (value,) = (each.value for each in found.findings if each.quantity == "gain")
+        assert value == pytest.approx(gain, rel=2e-3)
+
+
+def test_the_range_of_a_gyro_is_found_at_rest_and_at_rates():
+    def all_at(make, up_pps):
+        made = {name: make(20.0) for name in NAMES} | {"acc_z": make(PER_G), "gyro_z": make(up_pps)}
+        return together(**made)
+
+    rates = [
+        all_at(lambda pps, w=w: at_rate(w, pps), w * PER_DEG * 1.001 + 20.0) for w in (100.0, -100.0, 200.0, -200.0)
+    ]
+    rests = [all_at(lambda pps, at=at: at_rest(pps, at), 20.0) for at in (0.0, 90.0, 180.0, 270.0)]
+    rests = [replace(each, angles_deg={"table": 90.0 * n}) for n, each in enumerate(rests)]
+    given = {"scale": f"{PER_DEG} pulse/°", "full_scale": "200 °/s", "clip": "400 °/s"}
+    found = reduced(reduce_range, GYRO_RANGE, *rests, *rates, **given)
+    errors = [each.value for each in found.findings if each.quantity == "rate_error/relative"]
+    assert errors == pytest.approx([1e-3, -1e-3, 1e-3, -1e-3], abs=2e-5)
+    (known,) = found.compensations
+    assert known.channel == "gyro_z"
+
+
+# What must be noticed
+
+
+def test_two_kinds_of_sensors_from_different_swings_are_no_result():
+    slow, one, other = swing(1.0, 100.0), swing(), swing()
+    for taken in (
+        {name: replace(each, sequence=each.sequence + 5000) for name, each in other.counts.items()},
+        {name: replace(each, tick=each.tick + 5_000_000) for name, each in other.counts.items()},
+    ):
+        mixed = replace(one, counts={**one.counts, **{name: taken[name] for name in NAMES[:3]}})
+        for reduce in (gyro, accelerometers):
+            found = reduce(slow, mixed)
+            assert "steps/n=1/acquire: not_one_swing" in texts(found.flags)
+            assert found.verdict == "INCOMPLETE"
+            assert [each for each in found.findings if each.at.get("frequency_hz") == HZ] == []
+
+
+def test_a_latch_lost_in_one_channel_is_not_another_swing():
+    one = swing()
+    short = one.counts["acc_x"]
+    kept = np.arange(len(short.sequence)) != 700
+    lost = replace(
+        short, sequence=short.sequence[kept], tick=short.tick[kept], positive=short.positive[kept],
+        negative=short.negative[kept], host_s=short.host_s[kept],
+    )  # fmt: skip
+    found = accelerometers(swing(1.0, 100.0), replace(one, counts={**one.counts, "acc_x": lost}))
+    assert texts(found.flags) == ("bandwidth_not_reached",)
+
+
+@pytest.mark.parametrize(("said", "done"), [(Y_UP, "x"), (Z_UP, "y"), (X_UP, "z")])
+def test_another_axis_up_than_said_is_noticed(said, done):
+    for reduce in (gyro, accelerometers):
+        found = reduce(swing(1.0, 100.0, said, done), swing(mount=said, up=done))
+        (flag,) = [each for each in found.flags if each.code == "mounting_unlike_sequence"]
+        assert found.verdict == "INCOMPLETE"
+        assert "not mounted as the sequence says" in flag_in_words(flag)
+
+
+def test_a_unit_upside_down_is_noticed():
+    upside_down = swing()
+    acc_z = upside_down.counts["acc_z"]
+    turned = {**upside_down.counts, "acc_z": replace(acc_z, positive=acc_z.negative, negative=acc_z.positive)}
+    found = gyro(replace(upside_down, counts=turned))
+    assert [each.code for each in found.flags if each.at] == ["mounting_unlike_sequence"]
+
+
+def test_a_mounting_without_a_suitable_sensor_is_left_out():
+    found = gyro(swing(mount=Mount("askew", roll_deg=45.0)))
+    assert found.findings == ()
+    assert "askew: no_sensor" in texts(found.flags)
+    assert found.verdict == "INCOMPLETE"
