@@ -253,7 +253,10 @@ def test_a_sine_grows_about_where_the_table_stands(table: SimulatedAcutrol, cloc
     assert talk(table, b":READ:POS? 1;RATE? 1;:STAT:CSR? A1DYN") == ["0.00000;-12.56637;0"]
     clock.now_s = 2.125  # 4 pi by 2 s, then a quarter of a turn
     assert talk(table, b":READ:POS? 1;RATE? 1;:STAT:CSR? A1DYN") == ["2.00000;0.00000;3072"]
-    assert talk(table, b":DEM:OSC 1,1,1,0", b":MODE:OFF 1") == ["error 3", "OK"]
+    assert talk(table, b":DEM:OSC 1,1,1,0", b":STAT:CSR? A1DYN") == ["OK", "0"]  # at 2 °/s and 1 Hz/s from there
+    clock.now_s = 3.125  # one and a half turns of phase later
+    assert talk(table, b":READ:POS? 1;RATE? 1;:STAT:CSR? A1DYN") == ["-1.00000;0.00000;3072"]
+    assert talk(table, b":DEM:OSC 1,0,0,0", b":MODE:OFF 1") == ["OK", "OK"]
 
 
 def test_a_fault_drops_the_drive_and_stays_until_it_is_reset(table: SimulatedAcutrol, clock: Clock) -> None:

@@ -141,7 +141,7 @@ def test_a_calibration_on_an_indexing_table_of_codes_finds_the_truth(tmp_path):
     run = run_short(tmp_path, bench=bench, sequence="indexing_static", settings=settings, seed=1)
     assert run.problems == []
     comparisons = compare_indexing(run.path)
-    assert {comparison.quantity for comparison in comparisons} == set(QUANTITIES)
+    assert {comparison.quantity for comparison in comparisons} == set(QUANTITIES) - {"Kio", "misalignment_y"}
     assert max(abs(comparison.ratio) for comparison in comparisons) < 3.5
     assert by_quantity(run)["bias"]["unit"] == "code"
 
