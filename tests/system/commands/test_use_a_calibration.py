@@ -11,7 +11,7 @@ from tests.support.runs import ROOT, read_json, run_short
 
 pytestmark = pytest.mark.slow
 PAGE = (ROOT / "docs/how-to/use_a_calibration.md").read_text("utf-8")
-RECORD, RESULT = re.findall(r"```csv\n(.*?)```", PAGE, re.DOTALL)
+RECORD, RESULT = re.findall(r"```text\n(t_s.*?)```", PAGE, re.DOTALL)
 RUN, COMPENSATE = re.findall(r"^    bench (run imu_24.*|compensate .*--at-start .*)$", PAGE, re.MULTILINE)
 
 

@@ -209,7 +209,8 @@ def test_every_finding_of_a_response_is_tried():
         (reduce_gyro(gyro_run(rng, Errors(rng)), GYRO)[0], OF_THE_GYRO),
         (reduce_accelerometer(accelerometer_run(rng, Errors(rng)), ACCELEROMETER)[0], OF_THE_ACCELEROMETER),
     ):
-        assert {found.quantity for found in result.findings} == set(tried)
+        other_way = {"gain/two_sample"}  # the same data as one of the gains
+        assert {found.quantity for found in result.findings} - other_way == set(tried)
 
 
 def test_an_uncertainty_that_is_15_percent_off_is_seen():
