@@ -113,7 +113,7 @@ def test_the_access_list_denies_what_it_shall(tmp_path):
         assert anna.refused == ["Not authorized"]
         with serving(tmp_path, station_file(tmp_path, of, station="lab4")) as station:
             problems = station.until(lambda: station.get("station")["problems"])
-            assert "refuses messages (Not authorized) to bench/lab4/status" in problems[0]
+            assert "refuses messages (Not authorized) to bench/lab4/" in problems[0]
             assert "access list" in problems[0]
         assert seen.received == []
         with closing(Positions(tmp_path / "station")) as positions:
