@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import InputError
+from bench.metrology.least_squares import SIGMA_PER_MAD
 from bench.metrology.temperature_checks import beyond_possible
 from bench.metrology.velocity import CountRecord
 from bench.offline.number_columns import read_header, read_numbers
@@ -23,7 +24,6 @@ SIGNS = ("_pos", "_neg")
 GAP = 1.5  # times the usual interval: readings are missing between two rows
 GLITCH_SD = 8.0  # robust standard deviations of a rate from the median of three
 GLITCH_PULSES = 3.0  # a smaller deviation is the resolution of the count
-SD_OF_MAD = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -176,6 +176,6 @@ def _glitches(pulses: Array, seconds: Array) -> Mask:
     before, own, after = rate[:-2], rate[1:-1], rate[2:]
     median = np.maximum(np.minimum(before, after), np.minimum(np.maximum(before, after), own))
     away, bent = np.abs(own - median), np.abs(own - (before + after) / 2)
-    sd = SD_OF_MAD * float(np.median(bent[np.isfinite(bent)])) if np.isfinite(bent).any() else 0.0
+    sd = SIGMA_PER_MAD * float(np.median(bent[np.isfinite(bent)])) if np.isfinite(bent).any() else 0.0
     found = away > np.maximum(GLITCH_SD * sd, GLITCH_PULSES / seconds[1:-1])
     return np.concatenate(([False], found, [False]))

@@ -19,13 +19,14 @@ from bench.errors import InputError
 from bench.methods.imu import doubts
 from bench.methods.imu.offline_visits import COMPENSATED, check_set_points, repeatability, with_visits
 from bench.methods.imu.reduction.attitude_fit import AccelerometerFit, AttitudeFits, GyroFit, fit_attitudes
-from bench.methods.imu.reduction.attitudes import AXES, NAMES
+from bench.methods.imu.reduction.attitudes import NAMES
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, Scatter, calibrate
 from bench.methods.imu.reduction.knots import Extrapolation, TemperatureTable, check_model, compensate
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arrange
 from bench.methods.imu.words import INCONSISTENT, MISSING_POSITION, MISSING_RATE
 from bench.metrology.least_squares import Array
 from bench.metrology.results.flag import Flag
+from bench.metrology.run_data import AXES
 from bench.offline.case_file import Case, Limit, LocalGravity, Reduction, Reductions, Settings
 from bench.offline.csv_record import Table
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.errors import InputError
-from bench.methods.imu.reduction.attitudes import AXES
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, SetPoint
 from bench.methods.imu.reduction.knots import TemperatureTable
 from bench.methods.imu.reduction.records import PositionRecord, RateRecord, rounded
 from bench.methods.imu.reduction.visits import differences, ranked, visits_in_order
 from bench.metrology.least_squares import Array
+from bench.metrology.run_data import AXES
 from bench.offline.case_file import Case
 from bench.offline.csv_record import Table
 

@@ -18,10 +18,9 @@ from bench.methods.imu.reduction.knots import check_model
 from bench.methods.imu.reduction.run import RELATIVE, ImuDetail
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Finding, UnitResult
-from bench.metrology.run_data import RunData
+from bench.metrology.run_data import AXES, RunData
 from bench.reduce.spans import Span, in_unit, over_groups
 
-AXES = ("x", "y", "z")
 STYLES = {"x": ("#0b5394", "o"), "y": ("#b45309", "s"), "z": ("#4d7c0f", "D")}
 BESIDE = 0.03  # of the temperature range: horizontal offset between axes drawn at equal temperatures
 SENSORS = {"accelerometers": ("K0", "K1", "K2"), "gyros": ("D0", "KG")}

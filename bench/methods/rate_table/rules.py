@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from bench.config.models import BenchFile
 from bench.methods.rate_table.method import ACCELEROMETERS, GYROS, scales_of
 from bench.sequence.checks.acquired import results_by
 from bench.sequence.checks.remarks import Found, Rule
 from bench.sequence.checks.swings import acquired_inside, place_of
+from bench.sequence.document.model import ResultEntry
 from bench.sequence.method import known_methods
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.measuring import Acquire
@@ -79,7 +81,7 @@ def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate
 def no_scale(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A test on a table without a scale factor that converts the output of a unit to a rate or an acceleration."""
     for place, entry in results_by(plan, *METHODS):
-        settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
+        settings = _settings(entry)
         of_gyros = entry.method.startswith("gyro")
         per, sensors = ("°/s", GYROS) if of_gyros else ("g", ACCELEROMETERS)
         for name, unit in bench.places.items():
@@ -119,7 +121,7 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
                 ("Acquire in 'during' of an oscillate step"),
             )
         elif entry.method == "accelerometer_response":
-            lever_hz = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()["lever_hz"]
+            lever_hz = _settings(entry)["lever_hz"]
             if not any(math.isclose(hz, lever_hz, rel_tol=1e-6) for hz in swings_hz):
                 yield (
                     (*place, "data"),
@@ -131,7 +133,7 @@ def incomplete_table_test(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 def swept_band(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A response whose frequencies do not reach from half of the expected bandwidth to twice that."""
     for place, entry in results_by(plan, *RESPONSE_METHODS):
-        settings = known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
+        settings = _settings(entry)
         expected_hz, lever_hz = settings["expected_hz"], settings.get("lever_hz")
         swings = [motion for _, motion in acquired_inside(plan, entry.data) if isinstance(motion, Oscillate)]
         swept_hz = [
@@ -188,6 +190,11 @@ def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator
                 f"Swing by at least {math.degrees(LEAST_STEPS / per_rps):.3g} °/s for {LEAST_STEPS:g}, use a longer "
                 "arm, or count for longer; the uncertainties of the results hold it",
             )
+
+
+def _settings(entry: ResultEntry) -> dict[str, Any]:
+    """Settings of a result by the names that its reduction reads."""
+    return known_methods()[entry.method].settings.model_validate(entry.settings).model_dump()
 
 
 RULES = (

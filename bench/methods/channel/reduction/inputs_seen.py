@@ -18,7 +18,7 @@ from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 
 LEAST_CURRENT_G = 0.5  # equivalent acceleration; below it, biases and accelerometers left connected look alike
-LARGEST_TURN = np.cos(np.radians(20.0))  # misalignments, tilts and scale factors turn what is seen by less
+LARGEST_TURN = np.cos(np.radians(20.0))  # of the vector seen: misalignment, tilt and scale factors turn it by less
 SEEN = 0.5  # of the expected output, which nominal and actual scale factors of a type never differ by
 LEAST_SEEN_G = 0.3  # of the vector of all three: less is no gravity
 

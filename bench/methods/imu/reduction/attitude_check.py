@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.imu.reduction.attitudes import AXES, EARTH_RATE_DPS, HEADINGS, NAMES, NORTH, block
+from bench.methods.imu.reduction.attitudes import EARTH_RATE_DPS, HEADINGS, NAMES, NORTH, block
 from bench.metrology.least_squares import Array
+from bench.metrology.run_data import AXES
 
 CLEAR = 0.15  # of the horizontal earth rate: with less scatter over the headings, gyros distinguish these
 _HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # sensitivities of two horizontal axes to north

@@ -13,8 +13,9 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from bench.methods.imu.reduction.attitudes import AXES, SPECIFIC_FORCE_G, earth_rate_dps
+from bench.methods.imu.reduction.attitudes import SPECIFIC_FORCE_G, earth_rate_dps
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
+from bench.metrology.run_data import AXES
 
 Given = ParamSpec("Given")
 Fit = TypeVar("Fit")

@@ -11,7 +11,6 @@ import numpy as np
 from bench.metrology.attitude_names import ATTITUDES
 from bench.metrology.least_squares import Array
 
-AXES = ("x", "y", "z")
 HEADINGS = 4  # of an axis that points up, and of one that points down
 BLOCK = 2 * HEADINGS  # attitudes of one axis
 NAMES = tuple(ATTITUDES)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_check import doubtful_attitudes, exchanged_headings
-from bench.methods.imu.reduction.attitudes import AXES, NAMES, NORTH, SPECIFIC_FORCE_G, block
+from bench.methods.imu.reduction.attitudes import NAMES, NORTH, SPECIFIC_FORCE_G, block
 from bench.methods.imu.reduction.knots import TemperatureTable, temperature_table
 from bench.methods.imu.reduction.records import ImuReadings, RateReadings
 from bench.methods.imu.words import (
@@ -30,6 +30,7 @@ from bench.methods.imu.words import (
 )
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
 from bench.metrology.results.flag import Flag
+from bench.metrology.run_data import AXES
 from bench.metrology.temperature_checks import broken_at_rest
 
 RATES = 6  # +1, -1, +3, -3, +5 and -5 °/s, or others

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.imu.reduction.attitudes import AXES
 from bench.methods.imu.reduction.dead_band import is_near_zero
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.metrology.acquisition import Acquisition
@@ -23,7 +22,7 @@ from bench.metrology.least_squares import LinearFit, NotDetermined, least_square
 from bench.metrology.orientation import unit_axes
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding
-from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
 LEVEL = 0.1  # of g along an axis that counts as level

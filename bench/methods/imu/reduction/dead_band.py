@@ -14,11 +14,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.imu.reduction.attitudes import AXES, HEADINGS, NAMES
+from bench.methods.imu.reduction.attitudes import HEADINGS, NAMES
 from bench.methods.imu.reduction.windows import ACCELEROMETERS, Visit
 from bench.metrology.acquisition import Array, Window
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.run_data import AXES, UnitUnderTest
 
 
 def dead_band_of(unit: UnitUnderTest, axis: int, dead_band_g: float) -> float:

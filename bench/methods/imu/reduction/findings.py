@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_fit import AttitudeFits
-from bench.methods.imu.reduction.attitudes import AXES, SPECIFIC_FORCE_G, block, local_earth_rate_dps
+from bench.methods.imu.reduction.attitudes import SPECIFIC_FORCE_G, block, local_earth_rate_dps
 from bench.methods.imu.reduction.budget import (
     OwnErrors,
     gyro_scale_unit,
@@ -27,7 +27,7 @@ from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, Subject
-from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.run_data import AXES, UnitUnderTest
 from bench.metrology.sampled_codes import quantisation_by_level
 
 UP = np.array([0.0, 0.0, 1.0])

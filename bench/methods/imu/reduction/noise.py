@@ -17,12 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.methods.imu.reduction.attitude_fit import GyroFit
-from bench.methods.imu.reduction.attitudes import AXES
 from bench.methods.imu.reduction.calibrate import ImuCalibration
 from bench.methods.imu.reduction.records import ImuReadings
 from bench.methods.imu.reduction.windows import Visit
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
-from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.run_data import AXES, UnitUnderTest
 
 
 @dataclass(frozen=True, slots=True)

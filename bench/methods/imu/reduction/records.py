@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.methods.imu.reduction.attitudes import AXES, BLOCK, NAMES, block
+from bench.methods.imu.reduction.attitudes import BLOCK, NAMES, block
 from bench.metrology.least_squares import Array
+from bench.metrology.run_data import AXES
 
 SAME_SET_POINT_DIGITS = 6
 

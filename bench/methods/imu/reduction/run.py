@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
-from bench.methods.imu.reduction.attitudes import AXES, NAMES
+from bench.methods.imu.reduction.attitudes import NAMES
 from bench.methods.imu.reduction.budget import POOLED, READINGS
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
@@ -32,7 +32,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import NOT_CLOSED, Finding, Interval, UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 
 MODELLED = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}  # quantities over temperature, and the units of their changes
 RELATIVE = ("K1", "KG")

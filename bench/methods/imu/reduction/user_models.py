@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.methods.imu.reduction.attitudes import AXES
 from bench.methods.imu.reduction.budget import gyro_scale_unit
 from bench.methods.imu.reduction.calibrate import ImuCalibration
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable
@@ -17,7 +16,7 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.least_squares import Array
 from bench.metrology.results.curves import Constant, KnotModel
 from bench.metrology.results.finding import Finding
-from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 
 AT_REST_G = (-1.0, 1.0)  # specific force along an axis in the attitudes of the calibration
 

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bench.methods.imu.reduction.attitudes import AXES, BLOCK, BODY_AXES
+from bench.methods.imu.reduction.attitudes import BLOCK, BODY_AXES
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arranged_at
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import unit_axes
-from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 
 ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor in ("acc", "gyro"))
 ALIGNED = 0.999  # cosine of the largest deviation of an axis from its direction in an attitude

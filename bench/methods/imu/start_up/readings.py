@@ -11,13 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bench.methods.imu.reduction.attitudes import AXES, SPECIFIC_FORCE_G, block, earth_rate_dps
+from bench.methods.imu.reduction.attitudes import SPECIFIC_FORCE_G, block, earth_rate_dps
 from bench.methods.imu.reduction.windows import Visit
 from bench.metrology.acquisition import Acquisition
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.least_squares import Array
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import ReleasedCalibration, UnitUnderTest
+from bench.metrology.run_data import AXES, ReleasedCalibration, UnitUnderTest
 from bench.metrology.sampled_codes import quantisation_by_level
 
 HARMLESS = frozenset({"dead_band"})  # for a gyro at rest, which may give no pulse for long

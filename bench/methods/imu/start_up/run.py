@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.methods.imu.reduction.attitudes import AXES, local_earth_rate_dps
+from bench.methods.imu.reduction.attitudes import local_earth_rate_dps
 from bench.methods.imu.reduction.budget import OwnErrors
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.windows import visits
@@ -24,7 +24,7 @@ from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval, UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import ReleasedCalibration, RunData, UnitUnderTest
+from bench.metrology.run_data import AXES, ReleasedCalibration, RunData, UnitUnderTest
 
 PARTS: Mapping[str, Part] = {"K0": "zero", "K1": "scale", "D0": "zero", "KG": "scale"}
 UNITS = {"K0": "g", "K1": "1", "D0": "°/s", "KG": "1"}

@@ -15,10 +15,11 @@ from bench.figures.sheet import Sheet
 from bench.figures.svg import new_figure, rendered
 from bench.figures.words import where
 from bench.methods.imu.method import CHANGES, IMU_START_UP
-from bench.methods.imu.shown import AXES, STYLES
+from bench.methods.imu.shown import STYLES
 from bench.methods.imu.start_up.run import NOT_DETERMINED, StartUpDetail, Watched
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Finding, UnitResult
+from bench.metrology.run_data import AXES
 
 TITLES = {
     "K0": "Accelerometers: zero",

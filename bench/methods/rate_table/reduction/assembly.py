@@ -12,17 +12,17 @@ from typing import Any, Literal
 
 import numpy as np
 
+from bench.methods.rate_table.reduction.intake import encoder_of
 from bench.metrology.acquisition import Acquisition, Array, Counts, Mount, Positions
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import turned_axes
 from bench.metrology.outputs import mean_of
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 
 Kind = Literal["acc", "gyro"]
 Reduce = Callable[[RunData, UnitUnderTest, Mapping[str, Any]], UnitResult]
-AXES = ("x", "y", "z")
 ALONG = 0.999  # cosine of the largest angle between an input axis and the axis of the table
 ACROSS = float(np.sqrt(1 - ALONG**2))  # largest cosine of that angle for a level input axis
 OFF_G = 0.5  # maximum difference of an accelerometer along the axis from gravity there
@@ -117,9 +117,7 @@ def _arm_m(unit: UnitUnderTest, axis: Array, up: Array) -> tuple[float, float, f
 
 def _is_one_swing(acquisition: Acquisition, unit: UnitUnderTest) -> bool:
     """True if all channels of a unit and the encoder have the same latches: they record one motion."""
-    motion = acquisition.motion
-    encoder = acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
-    if encoder is None:
+    if (encoder := encoder_of(acquisition)) is None:
         return True  # it is left out with a flag of its own
     channels = [acquisition.counts.get(channel) for channel in unit.channels.values()]
     return all(each is not None and _same_latches(each, encoder) for each in channels)

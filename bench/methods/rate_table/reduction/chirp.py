@@ -1,7 +1,7 @@
 """Response of a sensor during a continuous sweep of the table's frequency (equations 5.9).
 
 The record is divided into windows. In each, the encoder's angle and the output summed up over the same time are fitted
-with one sine whose frequency changes at a constant rate, known from where the angle passes its mean, and whose
+with one sine whose frequency changes at a constant rate, known from when the angle passes its middle, and whose
 amplitude and phase may bend; the ratio of both at the middle of the window is the response there.
 """
 
@@ -110,7 +110,7 @@ def _windows(samples: TableSamples, motion: Motion, play_pulses: float) -> Itera
 
 
 def _crossings_s(time_s: Array, angle_deg: Array) -> Array:
-    """Times (m,) at which an angle (n,) passes its mean, interpolated between samples."""
+    """Times (m,) at which an angle (n,) passes the middle of its range, interpolated between samples."""
     away = angle_deg - (np.max(angle_deg) + np.min(angle_deg)) / 2
     before = np.flatnonzero((away[:-1] < 0) != (away[1:] < 0))
     share = away[before] / (away[before] - away[before + 1])

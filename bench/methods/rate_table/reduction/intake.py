@@ -40,11 +40,15 @@ def table_samples(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples
     return _beside(acquisition, unit, encoder, problems)
 
 
+def encoder_of(acquisition: Acquisition) -> Positions | None:
+    """Encoder of the axis that moved, or at rest the first one; None if it was not latched."""
+    motion = acquisition.motion
+    return acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
+
+
 def _encoder(acquisition: Acquisition) -> tuple[Positions, list[str]]:
     """Encoder of the axis that moved; one without readings, and the problem, if there is none."""
-    motion = acquisition.motion
-    encoder = acquisition.positions.get(motion.device if motion else next(iter(acquisition.positions), ""))
-    if encoder is not None:
+    if (encoder := encoder_of(acquisition)) is not None:
         return encoder, []
     return Positions(NOTHING, NOTHING, NOTHING, 32, 32, 1.0, 0.0), ["no_encoder"]
 

@@ -79,7 +79,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
     points = sweep.with_chirps(sweep.points(swings, point_of), 1 / scale.value)
     to_lowest = settings["gain_reference"] == "lowest"
     found = frequency_response(points, sweep.remarks, to_lowest=to_lowest)
-    shown = shown_point([point for point in points if point.nominal_hz in sweep.swings], found, settings["waveform_hz"])
+    shown = shown_point(points, found, settings["waveform_hz"], sweep.swings)
     if shown is not None:
         found = replace(found, waveform=waveform.of_gyro(sweep.swings[shown.nominal_hz], shown, 1 / scale.value))
     findings = ResponseFindings(
@@ -116,7 +116,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
 
         points = sweep.with_chirps(sweep.points(swings, point_of), per_pulse, OnArm(known, data.bench.gravity_mps2))
     found = frequency_response(points, sweep.remarks)
-    shown = shown_point([point for point in points if point.nominal_hz in sweep.swings], found, settings["waveform_hz"])
+    shown = shown_point(points, found, settings["waveform_hz"], sweep.swings)
     if arm is not None and shown is not None:
         on = OnArm(arm, data.bench.gravity_mps2)
         found = replace(found, waveform=waveform.of_accelerometer(sweep.swings[shown.nominal_hz], shown, per_pulse, on))

@@ -238,11 +238,9 @@ def bandwidth(frequency_hz: Array, gain: Array, phase_deg: Array) -> Bandwidth:
 
 
 def _without_droop(points: Sequence[SweepPoint], remarks: Remarks) -> list[SweepPoint]:
-    lowest = next((point for point in points if point.swing.drooped is None), None)
+    compared = [abs(point.swing.rate) for point in points if point.swing.drooped is None]
     held = [
-        abs(point.swing.rate) >= DROOP * abs(lowest.swing.rate)
-        if lowest is not None and point.swing.drooped is None
-        else not point.swing.drooped
+        abs(point.swing.rate) >= DROOP * compared[0] if point.swing.drooped is None else not point.swing.drooped
         for point in points
     ]
     drooped = [point.nominal_hz for point, well in zip(points, held, strict=True) if not well]

@@ -6,7 +6,7 @@ samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,14 @@ from bench.metrology.least_squares import Array, NotDetermined
 EVEN = 1e-6  # relative difference of two successive intervals; a lost latch makes it 1
 
 
-def shown_point(points: Sequence[SweepPoint], found: FrequencyResponse, asked_hz: float | None) -> SweepPoint | None:
-    """Return the point nearest to `asked_hz`, by default to the bandwidth or, without one, the highest."""
+def shown_point(
+    points: Sequence[SweepPoint], found: FrequencyResponse, asked_hz: float | None, constant: Collection[float]
+) -> SweepPoint | None:
+    """Return the point at a frequency of `constant` nearest to `asked_hz`; default: bandwidth, or the highest."""
     held = {point.frequency_hz for point in found.points}
     at_hz = asked_hz or found.bandwidth.frequency_hz or max(held, default=0.0)
     return min(
-        (point for point in points if point.nominal_hz in held),
+        (point for point in points if point.nominal_hz in held and point.nominal_hz in constant),
         key=lambda point: abs(point.nominal_hz - at_hz), default=None,
     )  # fmt: skip
 

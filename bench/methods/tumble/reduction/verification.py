@@ -101,11 +101,12 @@ class Left:
             "K1": (self.scale(STEP_C) - self.scale(-STEP_C)) / (2 * STEP_C) * self.of.values("K1"),
         }
         constants = TumbleConstants(self.of, per_c, self.extra, {"K0": 0.0, "K1": self.scale_per_c_u})
+        left = {"K0": self.bias_g(), "K1": self.scale()}
         at_dwells: dict[str, list[Finding]] = {"K0": [], "K1": []}
         for index in range(len(self.of.dwells)):
             found = {each.quantity: each for each in constants.findings(index)}
-            for quantity, left in (("K0", self.bias_g()), ("K1", self.scale())):
-                at_dwells[quantity].append(self._at_dwell(found[quantity], float(left[index])))
+            for quantity, values in left.items():
+                at_dwells[quantity].append(self._at_dwell(found[quantity], float(values[index])))
         for each in at_dwells.values():
             yield from each
             yield self._largest(each)
