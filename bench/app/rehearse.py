@@ -70,7 +70,9 @@ class Rehearsal:
         if self.lost:
             yield f"{faults}: not on the disk: {'; '.join(self.lost[:3])}"
         told = " ".join(self.result.problems)
-        if self.result.outcome.how != "completed" and not any(str(fault.device or fault.unit) in told for fault in self.faults):
+        if self.result.outcome.how != "completed" and not any(
+            str(fault.device or fault.unit) in told for fault in self.faults
+        ):
             yield f"{faults}: ended with {self.result.outcome.how}, which names no cause: {told[:300]}"
 
     def largest_deviations(self, count: int) -> list[Compared]:

@@ -17,7 +17,7 @@ from bench.campaign.program import digest_of, identity
 from bench.campaign.progress import Pace, Progress
 from bench.campaign.tasks import Campaign, Result, Task
 from bench.clock import Stopwatch, wall_utc
-from bench.errors import InputError
+from bench.errors import BenchError, InputError
 
 AHEAD = 200  # tasks that the scheduler has beside those that are done
 LOOKS_EVERY_S = 2.0
@@ -73,6 +73,7 @@ class _Given:
         self._next = 0
         self._out: dict[Any, tuple[Any, Task]] = {}  # by key: future and task
         self._done: SimpleQueue[Any] = SimpleQueue()
+        self._problem: BenchError | None = None
 
     def results(self) -> Iterator[list[Result]]:
         """Yield results that have arrived together; none after some seconds without."""
@@ -81,6 +82,8 @@ class _Given:
             while self._out:
                 done = self._arrived()
                 yield self._kept(done)
+                if self._problem is not None:
+                    raise self._problem
                 self._give(len(done))
 
     def withdraw(self) -> None:
@@ -114,10 +117,16 @@ class _Given:
         return found
 
     def _kept(self, futures: Sequence[Any]) -> list[Result]:
+        """Return the results of futures; a problem of others is raised when these are kept."""
         try:
             found = list(self._client.gather(list(futures)))
         except (Exception, *_CANCELLED):  # noqa: BLE001  which of them it was is seen one by one
-            found = [self._result(future) for future in futures]
+            found = []
+            for future in futures:
+                try:
+                    found.append(self._result(future))
+                except BenchError as problem:
+                    self._problem = problem
         for future in futures:
             del self._out[future.key]
         return found
@@ -134,12 +143,15 @@ class _Given:
                 f"another program on a worker: {problem}. Install the same on all computers of the cluster"
             ) from None
         except dask_distributed().KilledWorker:
-            problem = f"its worker was killed {KILLS} times, the last time for want of memory or by this task"
-            at = wall_utc().isoformat(timespec="seconds")
-            return Result(task.key, task.digest, digest_of(self._program), None, problem, 0.0, at, "")
+            return self._killer(task)
         except Exception as problem:  # noqa: BLE001  `do` raises nothing else: it could not be called
             text = " ".join(f"{type(problem).__name__}: {problem}".split())[:500]
             raise InputError(f"a worker cannot run the program: {text}. Install the same on all computers") from None
+
+    def _killer(self, task: Task) -> Result:
+        problem = f"{KILLS} workers were killed while they did it, by itself or for want of memory"
+        at = wall_utc().isoformat(timespec="seconds")
+        return Result(task.key, task.digest, digest_of(self._program), None, problem, 0.0, at, "")
 
 
 def workers_of(client: Any) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""Connection to a scheduler of dask.distributed, with TLS unless it is on this computer, or a cluster of processes here.
+"""Connection to a scheduler of dask.distributed, by TLS unless it is on this computer, or a cluster of processes here.
 
 A scheduler and its workers execute what they are sent: whoever can connect is their user.
 """
@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import urlsplit
 
+from bench.campaign.local_cluster import Workers
 from bench.errors import BenchError, InputError
 from bench.files import expect_private
 from bench.report.optional import imported
@@ -28,13 +29,13 @@ HERE = {  # configuration of a cluster of this computer
     "distributed.scheduler.worker-saturation": 1.0,  # so that a killed worker had no task but the one it did
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,  # it would wait for ever
-    "distributed.worker.memory.terminate": 0.95,
     "distributed.worker.profile.enabled": False,
-    "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": 1,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }
+
+
+_OF_A_WORKER = ("tls_ca_file", "tls_worker_cert", "tls_worker_key", "tls_client_cert", "tls_client_key")
 
 
 class SchedulerLost(BenchError):
@@ -69,16 +70,16 @@ def at_scheduler(address: str, files: TlsFiles) -> Iterator[Any]:
     distributed = dask_distributed()
     is_secured = expect_secured(address)
     security = _security(files) if is_secured else None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    try:
-        client = distributed.Client(address, security=security, timeout=CONNECTS_WITHIN_S, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as problem:
-        raise SchedulerLost(
-            f"{address}: no connection to the scheduler ({' '.join(str(problem).split())[:300]}). Check that it runs, "
-            "and that its certificate and that of this client are of the same authority"
-        ) from None
-    with client:
-        yield client
+    with distributed.utils.silence_logging_cmgr(logging.CRITICAL):
+        try:
+            client = distributed.Client(address, security=security, timeout=CONNECTS_WITHIN_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as problem:
+            raise SchedulerLost(
+                f"{address}: no connection to the scheduler ({' '.join(str(problem).split())[:300]}). Check that it "
+                "runs, and that its certificate and that of this client are of the same authority"
+            ) from None
+        with client:
+            yield client
 
 
 def expect_secured(address: str) -> bool:
@@ -92,8 +93,8 @@ def expect_secured(address: str) -> bool:
         raise InputError(f"--scheduler {address}: expected tls://HOST:PORT, or tcp://127.0.0.1:PORT on this computer")
     if found.scheme == "tcp" and host not in LOOPBACK:
         raise InputError(
-            f"--scheduler {address}: without TLS, everybody who reaches it can let the scheduler and its workers execute "
-            "anything. Start it with certificates and give tls://HOST:PORT; plain tcp:// is for this computer alone"
+            f"--scheduler {address}: without TLS, everybody who reaches it can let its workers execute anything. "
+            "Start it with certificates and give tls://HOST:PORT; plain tcp:// is for this computer alone"
         )
     return found.scheme == "tls"
 
@@ -133,14 +134,18 @@ def here(workers: int) -> Iterator[Any]:
     imported("cryptography", "campaign", what="a campaign")
     import dask
 
+    security = distributed.Security.temporary()
+    keys = {name: getattr(security, name) for name in _OF_A_WORKER} | {"require_encryption": True}
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(HERE))
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bench-campaign-", ignore_cleanup_errors=True))
         cluster = stack.enter_context(
             distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", protocol="tls://",
-                security=distributed.Security.temporary(), dashboard_address=None, local_directory=folder,
+                n_workers=0, host="127.0.0.1", protocol="tls://", security=security, dashboard_address=None,
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
             )
         )  # fmt: skip
-        yield stack.enter_context(distributed.Client(cluster, set_as_default=False))
+        given = {"scheduler": cluster.scheduler_address, "security": keys, "folder": folder, "config": HERE}
+        client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
+        stack.enter_context(Workers(workers, given).running())
+        yield client

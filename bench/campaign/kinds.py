@@ -27,7 +27,9 @@ def of_sources(name: str, **options: Any) -> Campaign:
     try:
         module = import_module(f"{FOLDER}.kinds.{name}")
     except ImportError as problem:
-        raise InputError(f"{lacking}, and cannot be imported ({problem}); run the command there after 'make setup'") from None
+        raise InputError(
+            f"{lacking}, and cannot be imported ({problem}); run the command there after 'make setup'"
+        ) from None
     if not Path(str(module.__file__)).is_relative_to(ROOT):
         raise InputError(f"{lacking}: 'bench' is in {ROOT}, and 'campaigns' in {Path(str(module.__file__)).parents[2]}")
     campaign: Campaign = module.campaign(**options)

@@ -13,6 +13,7 @@ from bench.app.inputs import digest_of, expect_inputs, inputs_of
 from bench.app.rehearse import Rehearsal, rehearse
 from bench.app.request import PreparedRun, RunRequest, prepare
 from bench.campaign.isolation import isolate
+from bench.campaign.program import ROOT
 from bench.campaign.tasks import Known, Task
 from bench.config.load import find
 from bench.runner.quiet import Quiet
@@ -118,8 +119,8 @@ def _content(prepared: PreparedRun, rehearsal: Rehearsal) -> Mapping[str, Any]:
         "bench_s": result.bench_s,
         "planned_s": prepared.expected.total_s,
         "faults": [f"{fault.victim} {fault.kind}" for fault in rehearsal.faults],
-        "problems": result.problems,
+        "problems": [problem.replace(f"{ROOT}/", "") for problem in result.problems],  # as on any computer
         "unsafe_without_fault": sorted(rehearsal.unsafe_without_fault),
-        "wrong": list(rehearsal.wrong),
+        "wrong": [problem.replace(f"{ROOT}/", "") for problem in rehearsal.wrong],
         "digest": digest_of_run(result.path),
     }

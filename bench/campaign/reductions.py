@@ -33,7 +33,7 @@ _ALL = "SELECT uuid, version, run FROM runs ORDER BY started, uuid"
 
 
 class Reductions:
-    """Campaign over the latest version of each run of an archive. Raises InputError if there is none, and StoreError."""
+    """Campaign over the latest version of each run of an archive. Raises InputError without one, and StoreError."""
 
     name = "reduce"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
-from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
+from bench.cli.exits import ABORTED, BENCH_ERROR
 from bench.cli.streams import remark, say
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
@@ -72,8 +72,8 @@ def faults(
 def reduce(archive: str, **cluster: Any) -> int:
     """Reduce all runs of an archive again with the present program, and list what changes.
 
-    Changes of a value or of its standard uncertainty u are listed from 0.1 u, and all changed verdicts. The data are the
-    same: u says nothing on whether a change is significant.
+    Changes of a value or of its standard uncertainty u are listed from 0.1 u, and all changed verdicts. The data are
+    the same: u says nothing on whether a change is significant.
     """
 
     def campaign() -> Campaign:
@@ -97,6 +97,7 @@ def _carried_out(
 ) -> int:
     from bench.campaign import carry_out, cluster, ledger
     from bench.campaign.program import digest_of, identity
+    from bench.cli.shown_progress import Shown
 
     cluster.dask_distributed()
     files = cluster.TlsFiles(tls_ca, tls_cert, tls_key)
@@ -111,7 +112,7 @@ def _carried_out(
             if any(not _is_finished(kept, task) for task in campaign.tasks(kept.known)):
                 connected = cluster.here(workers) if scheduler is None else cluster.at_scheduler(scheduler, files)
                 with connected as client:
-                    carry_out.carry_out(campaign, kept, client, lambda found: remark(found.in_words()), twice)
+                    carry_out.carry_out(campaign, kept, client, Shown(), twice)
         except KeyboardInterrupt:
             remark(f"interrupted; what is done is in {folder}, and the same command goes on")
             return ABORTED
@@ -124,7 +125,12 @@ def _told(campaign: Campaign, kept: Ledger) -> int:
     failed = [result for task in tasks if (result := kept.known(task)) is not None and not result.is_finished]
     differing = kept.differing(tasks)
     say(*campaign.told(kept.known, kept.folder))
-    remark(*(f"{result.key}: failed on {result.worker or 'a worker'}: {result.problem}" for result in failed[:FAILURES_SHOWN]))
+    remark(
+        *(
+            f"{result.key}: failed on {result.worker or 'a worker'}: {result.problem}"
+            for result in failed[:FAILURES_SHOWN]
+        )
+    )
     if failed:
         remark(f"{len(failed)} of {len(tasks)} tasks failed; the same command tries them again")
     for result in differing:
@@ -138,10 +144,18 @@ def _is_finished(kept: Ledger, task: Task) -> bool:
 
 
 CLUSTER = (
-    option("--out DIR", "Folder for results; the same command goes on there. [default: campaigns-done/KIND]", read=Path),
+    option(
+        "--out DIR", "Folder for results; the same command goes on there. [default: campaigns-done/KIND]", read=Path
+    ),
     option("--workers N", "Processes of this computer, without --scheduler.", read=whole_number(1, 512), default=2),
-    option("--scheduler URL", "Scheduler of dask.distributed: tls://HOST:PORT; on this computer also tcp://127.0.0.1:PORT."),
-    option("--tls-ca FILE", "Certificate of the authority of the cluster; default: that of dask's configuration.", read=Path),
+    option(
+        "--scheduler URL", "Scheduler of dask.distributed: tls://HOST:PORT; on this computer also tcp://127.0.0.1:PORT."
+    ),
+    option(
+        "--tls-ca FILE",
+        "Certificate of the authority of the cluster; default: that of dask's configuration.",
+        read=Path,
+    ),
     option("--tls-cert FILE", "Certificate of this client; default: that of dask's configuration.", read=Path),
     option("--tls-key FILE", "Private key of this client; default: that of dask's configuration.", read=Path),
     option("--twice N", "Do each N-th task two times, and compare; 0 for none.", read=whole_number(0), default=0),
@@ -168,7 +182,7 @@ COMMANDS = (
         options("--form FORM", "A form of the bench's errors, such as normal; repeatable; default: all.", to="form"),
         options("--level LEVEL", "records or wires; repeatable; default: both.", to="level"),
         option("--seeds N", "Seeds of a cell.", read=whole_number(1), default=40),
-        option("--decide N", "Fresh seeds that decide a cell beyond its bars; 0 for none.", read=whole_number(0), default=0),
+        option("--decide N", "Fresh seeds that decide a cell beyond its bars.", read=whole_number(0), default=0),
         option("--block N", "Seeds of one task at the level of records.", read=whole_number(1), default=40),
         flag("--figures", "Every quantity of each cell."),
         *CLUSTER,

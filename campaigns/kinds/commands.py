@@ -35,7 +35,11 @@ def told(tasks: Sequence[Task], known: Known) -> Iterator[str]:
     for task in tasks:
         result = known(task)
         if result is not None and result.is_finished:
-            yield from ("", f"{task.key}: {'ok' if result.content['status'] == 0 else 'FAILED'}", *result.content["printed"])
+            yield from (
+                "",
+                f"{task.key}: {'ok' if result.content['status'] == 0 else 'FAILED'}",
+                *result.content["printed"],
+            )
 
 
 def failed(tasks: Sequence[Task], known: Known) -> bool:

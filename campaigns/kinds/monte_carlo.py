@@ -51,9 +51,7 @@ class Sums:
     uncertainties: float = 0.0
 
     def __add__(self, other: Sums) -> Sums:
-        return Sums(
-            self.values + other.values, self.errors + other.errors, self.uncertainties + other.uncertainties
-        )
+        return Sums(self.values + other.values, self.errors + other.errors, self.uncertainties + other.uncertainties)
 
     @property
     def ratio(self) -> float:
@@ -119,6 +117,4 @@ def campaign(*, trials: Sequence[str], draws: int) -> MonteCarlo:
 def drawn(name: str, count: int, seed: int) -> Mapping[str, Sequence[float]]:
     """Sums of so many draws of a trial, by quantity."""
     rows = TRIALS[name](count, seed=seed)
-    return {
-        quantity: [len(each), *np.sum(np.square(each), axis=0).tolist()] for quantity, each in rows.items()
-    }
+    return {quantity: [len(each), *np.sum(np.square(each), axis=0).tolist()] for quantity, each in rows.items()}

@@ -121,7 +121,9 @@ def campaign(
     ):  # fmt: skip
         for each in given:
             if each not in known:
-                raise InputError(f"{option} {each}: unknown, expected {', '.join(sorted(known))}{did_you_mean(each, known)}")
+                raise InputError(
+                    f"{option} {each}: unknown, expected {', '.join(sorted(known))}{did_you_mean(each, known)}"
+                )
     chosen = cells_of(methods or list(METHODS), kinds, forms or list(FORMS), levels or (RECORDS, WIRES))
     found = [commands.task_of(name, COMMANDS[name]) for name in parts if name != CELLS]
     return Truth(list(chosen) if CELLS in parts else [], found, seeds, decide, block, figures)

@@ -68,7 +68,9 @@ class Wires:
         for what in EXCHANGES:
             for first in range(0, self.trials // SHARE_OF_SWAPS, OF_SWAPS):
                 seed = 1 + first // OF_SWAPS
-                yield _task(f"{what} {first}-{first + OF_SWAPS - 1}", "exchanges", what=what, trials=OF_SWAPS, seed=seed)
+                yield _task(
+                    f"{what} {first}-{first + OF_SWAPS - 1}", "exchanges", what=what, trials=OF_SWAPS, seed=seed
+                )
         for first in range(0, self.trials // 2, OF_CAN):
             yield _task(f"acquisitions {first}-{first + OF_CAN - 1}", "acquisitions", first=first, count=OF_CAN)
 
@@ -118,7 +120,11 @@ def acquisitions(first: int, count: int) -> Mapping[str, Any]:
 
 
 def _counted(of: str, outcomes: Mapping[Any, int], unexpected: Sequence[str]) -> Mapping[str, Any]:
-    return {"of": of, "outcomes": {str(what): count for what, count in outcomes.items()}, "unexpected": list(unexpected)}
+    return {
+        "of": of,
+        "outcomes": {str(what): count for what, count in outcomes.items()},
+        "unexpected": list(unexpected),
+    }
 
 
 def _task(key: str, function: str, **arguments: Any) -> Task:
