@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from bench.clock import Stopwatch
@@ -63,7 +63,8 @@ class Workers:
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,  # Ctrl-C is for the campaign
         )  # fmt: skip
-        assert process.stdin is not None
-        process.stdin.write(json.dumps({**self._given, "name": f"{number}-{process.pid}"}) + "\n")
-        process.stdin.flush()
+        if process.stdin is not None:
+            with suppress(BrokenPipeError):  # it has ended already
+                process.stdin.write(json.dumps({**self._given, "name": f"{number}-{process.pid}"}) + "\n")
+                process.stdin.flush()
         return process

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from bench.campaign import carry_out as order
-from bench.campaign.carry_out import carry_out, workers_of
+from bench.campaign.carry_out import carry_out
 from bench.campaign.cluster import KILLS, here
 from bench.campaign.ledger import opened
 from bench.campaign.local_cluster import MODULE
