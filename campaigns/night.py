@@ -26,8 +26,8 @@ ENVIRONMENT = {
     "PYTHONUNBUFFERED": "1",  # a line is seen when it is printed
 }
 
-# A name, and the words after `python -m`. Those of `bench campaign` go on where they were by themselves, and are done by
-# workers: two processes here, or the cluster of --scheduler.
+# A name, and the words after `python -m`. Those of `bench campaign` go on where they were by themselves, and are done
+# by workers: two processes here, or the cluster of --scheduler.
 PARTS: Mapping[str, Mapping[str, str]] = {
     "faults": {"faults": "bench campaign wires --trials 20000 --out build/campaign/wires"},  # seven minutes
     "trials": {"trials": "campaigns.trials"},

@@ -6,14 +6,14 @@ import asyncio
 import concurrent.futures
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from typing import Any, cast
 
 from bench.campaign import work
 from bench.campaign.cluster import KILLS, SchedulerLost, dask_distributed
 from bench.campaign.ledger import Ledger
-from bench.campaign.program import digest_of, identity
+from bench.campaign.program import differences, digest_of, identity
 from bench.campaign.progress import Pace, Progress
 from bench.campaign.tasks import Campaign, Result, Task
 from bench.clock import Stopwatch, wall_utc
@@ -21,6 +21,7 @@ from bench.errors import BenchError, InputError
 
 AHEAD = 200  # tasks that the scheduler has beside those that are done
 LOOKS_EVERY_S = 2.0
+TOGETHER_S = 0.01  # results that follow each other within this are kept together
 LOST = "the connection to the scheduler is lost; what has arrived is kept, and the same command goes on"
 
 _CANCELLED = (asyncio.CancelledError, concurrent.futures.CancelledError)
@@ -69,7 +70,7 @@ class _Given:
     def __init__(self, client: Any, name: str, tasks: Sequence[Task]) -> None:
         self._client, self._tasks = client, tasks
         self._name = f"{name}-{uuid.uuid4().hex}"
-        self._program = dict(identity())
+        self._program = digest_of(identity())
         self._next = 0
         self._out: dict[Any, tuple[Any, Task]] = {}  # by key: future and task
         self._done: SimpleQueue[Any] = SimpleQueue()
@@ -78,13 +79,15 @@ class _Given:
     def results(self) -> Iterator[list[Result]]:
         """Yield results that have arrived together; none after some seconds without."""
         with _losses():
-            self._give(AHEAD + 2 * sum(each["nthreads"] for each in workers_of(self._client).values()))
+            ahead = AHEAD + 2 * sum(each["nthreads"] for each in workers_of(self._client).values())
+            self._give(ahead)
             while self._out:
                 done = self._arrived()
                 yield self._kept(done)
                 if self._problem is not None:
                     raise self._problem
-                self._give(len(done))
+                if len(self._out) <= ahead - AHEAD // 4:  # not one by one, which takes longer
+                    self._give(ahead - len(self._out))
 
     def withdraw(self) -> None:
         """Let the scheduler forget what is not done."""
@@ -112,8 +115,9 @@ class _Given:
             if self._client.status != "running":
                 raise SchedulerLost(LOST) from None
             return []
-        while not self._done.empty():
-            found.append(self._done.get())
+        with suppress(Empty):
+            while len(found) < AHEAD // 4:
+                found.append(self._done.get(timeout=TOGETHER_S))
         return found
 
     def _kept(self, futures: Sequence[Any]) -> list[Result]:
@@ -139,8 +143,9 @@ class _Given:
         except _CANCELLED:
             raise SchedulerLost(LOST) from None
         except work.OtherProgram as problem:
+            found = "; ".join(differences(identity(), problem.found))
             raise InputError(
-                f"another program on a worker: {problem}. Install the same on all computers of the cluster"
+                f"another program on a worker: {problem.host} has {found}. Install the same on all computers"
             ) from None
         except dask_distributed().KilledWorker:
             return self._killer(task)
@@ -151,7 +156,7 @@ class _Given:
     def _killer(self, task: Task) -> Result:
         problem = f"{KILLS} workers were killed while they did it, by itself or for want of memory"
         at = wall_utc().isoformat(timespec="seconds")
-        return Result(task.key, task.digest, digest_of(self._program), None, problem, 0.0, at, "")
+        return Result(task.key, task.digest, self._program, None, problem, 0.0, at, "")
 
 
 def workers_of(client: Any) -> Mapping[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.campaign.isolation import isolate
-from bench.campaign.program import ROOT, differences, digest_of, identity
+from bench.campaign.program import ROOT, digest_of, identity
 from bench.campaign.tasks import Result, canonical
 from bench.clock import Stopwatch, wall_utc
 from bench.errors import BenchError
@@ -22,16 +22,20 @@ _ONE_AT_A_TIME = threading.Lock()  # runs replace parts of the process, such as 
 
 
 class OtherProgram(Exception):
-    """Refusal of a task by a worker with another program than that of the campaign."""
+    """Refusal of a task by a worker with another program than that of the campaign: its host and identity."""
+
+    def __init__(self, host: str, found: Mapping[str, str]) -> None:
+        super().__init__(host, found)
+        self.host, self.found = host, found
 
 
-def do(key: str, task: str, does: str, arguments: Mapping[str, Any], program: Mapping[str, str]) -> Result:
+def do(key: str, task: str, does: str, arguments: Mapping[str, Any], program: str) -> Result:
     """Do a task; whatever it raises is the problem of its result.
 
-    Raises OtherProgram if this process has another program.
+    Raises OtherProgram if the program of this process has another digest.
     """
-    if found := differences(program, identity()):
-        raise OtherProgram(f"{socket.gethostname()} has {'; '.join(found)}")
+    if digest_of(identity()) != program:
+        raise OtherProgram(socket.gethostname(), dict(identity()))
     with _ONE_AT_A_TIME:
         isolate()
         watch, content, problem = Stopwatch(), None, ""
@@ -42,7 +46,7 @@ def do(key: str, task: str, does: str, arguments: Mapping[str, Any], program: Ma
             content, problem = None, problem_of(raised)
         took_s = round(watch.elapsed_s(), 4)
     at = wall_utc().isoformat(timespec="seconds")
-    return Result(key, task, digest_of(identity()), content, problem, took_s, at, worker_name())
+    return Result(key, task, program, content, problem, took_s, at, worker_name())
 
 
 def worker_name() -> str:

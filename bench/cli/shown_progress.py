@@ -17,10 +17,14 @@ class Shown:
     def __init__(self) -> None:
         self._is_terminal = sys.stderr.isatty()
         self._last: Stopwatch | None = None
+        self._has_ended = False
 
     def __call__(self, progress: Progress) -> None:
         """Write a progress if it is time."""
         is_end = progress.finished + progress.failed == progress.tasks
+        if is_end and self._has_ended:
+            return
+        self._has_ended = is_end
         if self._is_terminal:
             sys.stderr.write(f"\r\x1b[K{progress.in_words()}" + "\n" * is_end)
             sys.stderr.flush()

@@ -69,7 +69,7 @@ def test_every_command_is_a_program_of_the_campaigns():
 
 
 def test_campaigns_with_workers_go_to_the_scheduler_that_is_given():
-    given = {name: words for name, words in commands(list(PARTS), 5, "tls://cluster:8786")}
+    given = dict(commands(list(PARTS), 5, "tls://cluster:8786"))
     assert given["truth"][-2:] == ["--scheduler", "tls://cluster:8786"]
     assert "--scheduler" not in given["trials"]
 
