@@ -63,7 +63,7 @@ class Archive:
     def arrow(self, sql: str) -> Any:
         """Return the rows of a query as an Arrow table. Raises InputError if it is wrong."""
         with self._in_words(sql):
-            return self._connection.execute(sql).to_arrow_table()
+            return self._connection.sql(sql).to_arrow_table()
 
     @contextmanager
     def _in_words(self, sql: str) -> Iterator[None]:
