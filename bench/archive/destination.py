@@ -140,15 +140,14 @@ class Destination:
         Raises StoreError if it does not.
         """
         name = f"probe/{uuid.uuid4().hex}"
-        try:
-            first, second = self.create(name, b"first"), self.create(name, b"second")
-            if not first or second or self.read(name) != b"first":
-                raise StoreError(
-                    f"{self.url}: the store overwrites an object that must not exist (If-None-Match is ignored): two "
-                    "benches would lose each other's results. Use a store with conditional writes"
-                )
-        finally:
-            self.delete(name)
+        first, second = self.create(name, b"first"), self.create(name, b"second")
+        found = self.read(name)
+        self.delete(name)
+        if not first or second or found != b"first":
+            raise StoreError(
+                f"{self.url}: the store overwrites an object that must not exist (If-None-Match is ignored): two "
+                "benches would lose each other's results. Use a store with conditional writes"
+            )
 
     def expect(self) -> None:
         """Raise InputError if there is no archive."""
@@ -192,7 +191,7 @@ def in_words(where: str, problem: Exception) -> str:
     exceptions = obstore().exceptions
     if not known and isinstance(problem, exceptions.PermissionDeniedError | exceptions.UnauthenticatedError):
         known = "the store refuses the key: check the key and its rights in the environment"
-    if not known and any(sign in lower for sign in ("connect", "dns", "timed out")):
+    if not known and any(sign in lower for sign in ("connect", "dns", "timed out", "error sending request")):
         known = "the store does not answer: check the network and the address; the push can be repeated"
     return f"{where}: {known}{'. The store: ' if known else ''}{answer}"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from contextlib import closing
 
 import pytest
 
@@ -142,27 +143,25 @@ def test_tidied_tables_have_the_same_rows_in_fewer_files(tmp_path) -> None:
 def test_runs_and_findings_go_to_a_database_once(tmp_path) -> None:
     rows = findings("QF-1", [1e-3, 2e-3])
     fill(tmp_path / "archive", findings=rows, runs=with_runs(rows))
-    database = SqlDatabase(f"sqlite:///{tmp_path}/lims.db")
-    assert database.upsert(opened(str(tmp_path / "archive"))) == 2
-    assert database.upsert(opened(str(tmp_path / "archive"))) == 0
-    with sqlite3.connect(tmp_path / "lims.db") as connection:
+    with closing(SqlDatabase(f"sqlite:///{tmp_path}/lims.db")) as database:
+        assert database.upsert(opened(str(tmp_path / "archive"))) == 2
+        assert database.upsert(opened(str(tmp_path / "archive"))) == 0
+    with closing(sqlite3.connect(tmp_path / "lims.db")) as connection:
         assert connection.execute("SELECT uut, value FROM itb_findings ORDER BY value").fetchall() == [
             ("QF-1", 1e-3), ("QF-1", 2e-3)
         ]  # fmt: skip
-    connection.close()
 
 
 def test_a_new_version_replaces_the_rows_of_its_run_in_the_database(tmp_path) -> None:
     first, second = findings("QF-1", [1e-3]), findings("QF-1", [2e-3], version=2)
     fill(tmp_path / "archive", findings=first, runs=with_runs(first))
-    database = SqlDatabase(f"sqlite:///{tmp_path}/lims.db")
-    database.upsert(opened(str(tmp_path / "archive")))
-    fill(tmp_path / "archive", file="second", findings=second, runs=with_runs(second))
-    assert database.upsert(opened(str(tmp_path / "archive"))) == 1
-    with sqlite3.connect(tmp_path / "lims.db") as connection:
+    with closing(SqlDatabase(f"sqlite:///{tmp_path}/lims.db")) as database:
+        database.upsert(opened(str(tmp_path / "archive")))
+        fill(tmp_path / "archive", file="second", findings=second, runs=with_runs(second))
+        assert database.upsert(opened(str(tmp_path / "archive"))) == 1
+    with closing(sqlite3.connect(tmp_path / "lims.db")) as connection:
         assert connection.execute("SELECT value FROM itb_findings").fetchall() == [(2e-3,)]
         assert connection.execute("SELECT version FROM itb_runs").fetchall() == [(2,)]
-    connection.close()
 
 
 def test_a_database_that_cannot_be_used_is_named_without_its_password() -> None:

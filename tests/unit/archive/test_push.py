@@ -147,7 +147,7 @@ def test_a_run_without_its_seal_or_with_damage_is_refused(smoke_copy, tmp_path) 
     with pytest.raises(InputError, match="damaged"):
         push(smoke_copy, destination)
     (smoke_copy / "seal.json").unlink()
-    with pytest.raises(InputError, match="damaged|seal"):
+    with pytest.raises(InputError, match=r"damaged|seal"):
         push(smoke_copy, destination)
     assert not list(destination.names(""))
 
