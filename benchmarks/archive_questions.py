@@ -1,7 +1,7 @@
 """Time of questions to an archive of many runs, beside SQLite with an index on the same results.
 
-The runs are synthetic: 20 years of units that are calibrated each half year, with a drift that is known. With --raw each
-has a Parquet file of readings as well, so that 100,000 runs are about 10 GB. What is there already is not made again.
+The runs are synthetic: 20 years of units that are calibrated each half year, with a drift that is known. With --raw
+each has a Parquet file of readings as well, so that 100,000 runs are about 10 GB. What is there is not made again.
 """
 
 from __future__ import annotations

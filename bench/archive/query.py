@@ -44,7 +44,7 @@ class Archive:
         tables = Tables(destination)
         self._connection = duckdb().connect()
         for name in TABLES:
-            self._connection.register(f"_{name}", tables.open(name).to_pyarrow_dataset())
+            self._connection.register(f"_{name}", tables.read(name))
         self._connection.execute("CREATE VIEW all_runs AS SELECT * FROM _runs")
         self._connection.execute(_LATEST)
         for name in TABLES:
