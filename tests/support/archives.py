@@ -24,6 +24,7 @@ def start_runtimes(folder: Path) -> None:
     destination = Destination(str(folder))
     destination.begin()
     destination.digest("archive.json")
+    Tables(destination).open("findings")
     Archive(destination).query("SELECT count(*) FROM findings")
 
 
