@@ -15,7 +15,7 @@ from bench.app.request import PreparedRun, RunRequest, prepare
 from bench.campaign.isolation import isolate
 from bench.campaign.program import ROOT
 from bench.campaign.tasks import Known, Task
-from bench.config.load import find
+from bench.config.load import find, shipped
 from bench.runner.quiet import Quiet
 from bench.store.reader import digest_of as digest_of_run
 
@@ -52,9 +52,8 @@ def night_of(sequence: str, bench: str, preset: str | None, settings: Sequence[s
 
 
 def _named(name: str, kind: Any) -> str:
-    path = find(name, kind)
-    is_shipped = not Path(name).exists() and path.parent != Path(kind)
-    return name if is_shipped else str(path.resolve())
+    path = find(name, kind).resolve()
+    return path.stem if path.parent in [folder.resolve() for folder in shipped(kind)] else str(path)
 
 
 class Faults:

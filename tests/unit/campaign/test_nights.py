@@ -24,7 +24,8 @@ def smoke(tmp_path, monkeypatch):
 def test_files_of_a_user_are_named_by_their_whole_path_and_shipped_ones_by_their_name(smoke, tmp_path):
     assert smoke.sequence == str(tmp_path / "mine.yaml")
     assert smoke.bench == str(tmp_path / "bench" / "simulated.yaml")
-    assert night_of("smoke", "simulated", None, ()).sequence == "smoke"
+    for name in ("smoke", str(ROOT / "sequences" / "smoke.yaml")):
+        assert night_of(name, "simulated", None, ()).words == "smoke --bench simulated"
     with pytest.raises(InputError, match="no such"):
         night_of("smole", "simulated", None, ())
 
