@@ -14,11 +14,10 @@ from bench.campaign import carry_out as order
 from bench.campaign.carry_out import carry_out
 from bench.campaign.cluster import KILLS, here
 from bench.campaign.ledger import opened
-from bench.campaign.local_cluster import MODULE
 from bench.campaign.program import digest_of, identity
 from bench.errors import InputError
 from bench.store.user_state import state_folder
-from tests.support.campaign_tasks import Given, lines_in, squares, task
+from tests.support.campaign_tasks import Given, lines_in, squares, task, workers_under
 from tests.support.runs import ROOT
 
 pytestmark = [
@@ -129,20 +128,6 @@ def nights(folder, seeds, workers=2, **options):
     )  # fmt: skip
 
 
-def workers_under(process):
-    """Processes of the workers of a campaign."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-            words = (folder / "cmdline").read_bytes()
-        except (OSError, IndexError):
-            continue
-        if parent == process.pid and MODULE.encode() in words:
-            found.append(int(folder.name))
-    return found
-
-
 def until_done(process, folder, count):
     """Wait until so many results are there."""
     until_s = time.monotonic() + 120
@@ -177,7 +162,7 @@ def test_two_workers_killed_on_the_way_lose_nothing_and_double_nothing(tmp_path,
     process = nights(tmp_path, 30)
     for count in (4, 12):
         until_done(process, tmp_path, count)
-        os.kill(workers_under(process)[0], signal.SIGKILL)
+        os.kill(workers_under(process.pid)[0], signal.SIGKILL)
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert "30 nights, each ended as it should" in out
@@ -188,7 +173,7 @@ def test_two_workers_killed_on_the_way_lose_nothing_and_double_nothing(tmp_path,
 def test_a_campaign_that_is_ended_goes_on(tmp_path, undisturbed, number):
     process = nights(tmp_path, 30, start_new_session=True)
     until_done(process, tmp_path, 5)
-    workers = workers_under(process)
+    workers = workers_under(process.pid)
     assert len(workers) == 2
     os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
     _, err = process.communicate(timeout=60)

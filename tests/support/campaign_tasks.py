@@ -6,11 +6,13 @@ import os
 import signal
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.app.request import RunRequest, prepare
 from bench.campaign.ledger import RESULTS
+from bench.campaign.local_cluster import MODULE
 from bench.campaign.tasks import Result, Task
 from bench.store.machine_state import machine_folder
 from bench.store.user_state import state_folder
@@ -50,6 +52,17 @@ def lines_in(folder: Path) -> list[Result]:
     """The results in a folder, one for each line of its file."""
     found = [Result.of_line(line) for line in (folder / RESULTS).read_text("utf-8").splitlines()]
     assert None not in found
+    return found
+
+
+def workers_under(parent: int) -> list[int]:
+    """Processes of the workers that a campaign has started."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            of = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+            if of == parent and MODULE.encode() in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
     return found
 
 
