@@ -38,7 +38,7 @@ def carry_out(campaign: Campaign, ledger: Ledger, client: Any, watch: Watch, twi
     pace, tried = Pace(), set[str]()
     while True:
         tasks = campaign.tasks(ledger.known)
-        left = [task for task in tasks if task.digest not in tried and not _is_finished(ledger, task)]
+        left = [task for task in tasks if task.digest not in tried and not ledger.is_finished(task)]
         if not left:
             watch(pace.progress(tasks, ledger.known, len(workers_of(client))))
             return
@@ -57,11 +57,6 @@ def carry_out(campaign: Campaign, ledger: Ledger, client: Any, watch: Watch, twi
                     shown = Stopwatch()
         finally:
             given.withdraw()
-
-
-def _is_finished(ledger: Ledger, task: Task) -> bool:
-    result = ledger.known(task)
-    return result is not None and result.is_finished
 
 
 class _Given:
@@ -92,7 +87,8 @@ class _Given:
     def withdraw(self) -> None:
         """Let the scheduler forget what is not done."""
         if self._out and self._client.status == "running":
-            self._client.cancel([future for future, _ in self._out.values()], force=True)
+            with suppress(OSError, *_CANCELLED):  # the scheduler may end meanwhile
+                self._client.cancel([future for future, _ in self._out.values()], force=True)
         self._out.clear()
 
     def _give(self, count: int) -> None:

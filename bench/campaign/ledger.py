@@ -35,6 +35,11 @@ class Ledger:
         """Return the result of a task, or None."""
         return self._found.get(task.digest)
 
+    def is_finished(self, task: Task) -> bool:
+        """True if a task has a result without a problem."""
+        result = self.known(task)
+        return result is not None and result.is_finished
+
     def differing(self, tasks: Iterable[Task]) -> list[Result]:
         """Second results of tasks that do not agree with the first."""
         wanted = {task.digest for task in tasks}

@@ -22,16 +22,17 @@ def main() -> None:
 
 async def _work(given: Mapping[str, Any]) -> None:
     import dask
-    from distributed import Security, Worker
 
     import bench.campaign.work  # noqa: F401  imported while the worker starts, not during its first task
+    from bench.campaign.cluster import dask_distributed
 
+    distributed = dask_distributed()
     logging.disable(logging.ERROR)  # the campaign tells what has happened
     gc.freeze()
     with dask.config.set(given["config"]):
-        async with Worker(
+        async with distributed.Worker(
             given["scheduler"], name=given["name"], nthreads=1, memory_limit=0, host="127.0.0.1", protocol="tls://",
-            security=Security(**given["security"]), local_directory=given["folder"], dashboard=False,
+            security=distributed.Security(**given["security"]), local_directory=given["folder"], dashboard=False,
             dashboard_address="127.0.0.1:0",
         ) as worker:  # fmt: skip
             await worker.finished()

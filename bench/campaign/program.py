@@ -13,7 +13,9 @@ from pathlib import Path
 from bench.campaign.tasks import canonical
 
 ROOT = Path(str(files("bench"))).parent
-PARTS = ("bench", "drivers", "simulators", "config", "sequences", "campaigns", "tests/support", "tests/truth")
+PACKAGES = ("bench", "drivers", "simulators")
+BESIDE = ("config", "sequences", "campaigns", "tests/support", "tests/truth")  # in the sources
+PAGES = "bench/web"  # on which no result depends, and where `make assets` puts files
 READ = frozenset({".py", ".yaml", ".dbc", ".csv", ".json", ".toml"})
 LIBRARIES = ("numpy", "scipy", "pydantic", "cantools")  # on which numbers or plans depend
 PLUG_INS = "inertial_test_bench."
@@ -42,10 +44,12 @@ def differences(wanted: Mapping[str, str], found: Mapping[str, str]) -> list[str
 
 
 def _sources() -> str:
+    """Digest of the names and contents of all files."""
     digest = hashlib.sha256()
-    for part in PARTS:
+    for part in (*PACKAGES, *(BESIDE if (ROOT / "pyproject.toml").is_file() else ())):
         for path in sorted(path for path in (ROOT / part).rglob("*") if path.suffix in READ and path.is_file()):
-            digest.update(f"{path.relative_to(ROOT)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+            if not path.is_relative_to(ROOT / PAGES):
+                digest.update(f"{path.relative_to(ROOT)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:16]
 
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from bench.cli.commands import Command, argument, flag, option, options, whole_number
 from bench.cli.exits import ABORTED, BENCH_ERROR
+from bench.cli.interrupts import terminated_as_interrupted
 from bench.cli.streams import remark, say
 
 if TYPE_CHECKING:  # keeps imports out of `bench --help`
     from bench.campaign.ledger import Ledger
-    from bench.campaign.tasks import Campaign, Task
+    from bench.campaign.tasks import Campaign
 
 FAILURES_SHOWN = 10
 
@@ -105,11 +106,11 @@ def _carried_out(
         cluster.expect_secured(scheduler)
     campaign = make()
     folder = out or Path("campaigns-done") / campaign.name
-    with ledger.opened(folder, digest_of(identity())) as kept:
+    with ledger.opened(folder, digest_of(identity())) as kept, terminated_as_interrupted():
         if kept.others:
             remark(f"{folder}: {kept.others} results of other versions of the program are not used")
         try:
-            if any(not _is_finished(kept, task) for task in campaign.tasks(kept.known)):
+            if not all(map(kept.is_finished, campaign.tasks(kept.known))):
                 connected = cluster.here(workers) if scheduler is None else cluster.at_scheduler(scheduler, files)
                 with connected as client:
                     carry_out.carry_out(campaign, kept, client, Shown(), twice)
@@ -136,11 +137,6 @@ def _told(campaign: Campaign, kept: Ledger) -> int:
     for result in differing:
         remark(f"{result.key}: done twice, with different results; the second, of {result.worker}, is in {kept.folder}")
     return BENCH_ERROR if failed or differing else campaign.exit_code(kept.known)
-
-
-def _is_finished(kept: Ledger, task: Task) -> bool:
-    result = kept.known(task)
-    return result is not None and result.is_finished
 
 
 CLUSTER = (
