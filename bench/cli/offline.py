@@ -41,8 +41,8 @@ def compensate(
 ) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature.
 
-    With --to it converts the counts of a unit in motion, in a file or in an acquisition of a run, to specific force or
-    velocity, with the standard uncertainty of each value.
+    With --to it converts the counts or samples of a unit in motion, in a file or in an acquisition of a run, to
+    specific force or velocity, with the standard uncertainty of each value.
     """
     from bench.offline.calibration_file import compensated, read_calibration
 
@@ -59,12 +59,12 @@ def compensate(
     if step is None and data.suffix == ".csv":
         found = in_motion(known, data, options)
     else:
-        from bench.reduce.counted import counted_in_run
+        from bench.reduce.output_in_run import output_in_run
         from bench.reduce.stored_run import open_run
         from bench.store.runs import find_run
 
         with open_run(find_run(str(data), runs)) as stored:
-            series = counted_in_run(stored, known.uut, list(axes_of(known)), step)
+            series = output_in_run(stored, known.uut, axes_of(known), step)
         found = converted(known, f"{data.name} {step}", series, options)
     remark(*found.remarks)
     _write(out, found.write)
@@ -87,7 +87,7 @@ def _only_in_motion(*given: bool) -> None:
 
     names = ("--unit", "--counter-bits", "--noise", "--at-start", "--step")
     if wrong := [name for name, is_given in zip(names, given, strict=True) if is_given]:
-        raise InputError(f"{wrong[0]}: is for counts, with --to acceleration or --to velocity")
+        raise InputError(f"{wrong[0]}: needs --to acceleration or --to velocity")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
@@ -155,8 +155,8 @@ COMMANDS = (
         ),
         option(
             "--to value|acceleration|velocity",
-            "Result: the value of each row; or specific force or velocity from cumulative counts, in columns t_s, T_C, "
-            "and CHANNEL, or CHANNEL_pos and CHANNEL_neg.",
+            "Result: the value of each row; or specific force or velocity, from columns t_s, T_C, and for each channel "
+            "CHANNEL with cumulative counts, or CHANNEL_pos and CHANNEL_neg, or with samples in volts or codes.",
             choices=("value", "acceleration", "velocity"), default="value",
         ),
         option("--unit g|m/s2", "Unit of --to acceleration.", choices=("g", "m/s2"), default="g"),
@@ -169,7 +169,7 @@ COMMANDS = (
             "Specific force in the first second, at rest, such as x=1: another one is refused; repeatable.",
             to="at_start",
         ),
-        option("--step STEP", "With a run: the acquisition whose counts are converted."),
+        option("--step STEP", "With a run: the acquisition whose output is converted."),
         RUNS,
     )),
 )  # fmt: skip
