@@ -91,7 +91,7 @@ class SampleRecord:
         if self.averaged:
             means = of_outputs[1:] + lost_s / seconds * (between - of_outputs[1:])
         else:
-            slopes = np.gradient(of_outputs, self.time_s)
+            slopes = np.gradient(of_outputs, self.time_s, edge_order=2 if len(of_outputs) > 2 else 1)
             means = between + np.where(lost_s > 0, 0.0, seconds / 12 * (slopes[:-1] - slopes[1:]))
         return np.where(lost_s > MOST_BRIDGED * usual_s, np.nan, means)
 

@@ -175,7 +175,7 @@ def _expect_plausible(file: str, known: Compensation, force: SpecificForce) -> N
         raise InputError(f"{would}; are the times in s, and are these the counts of this channel?")
     raise InputError(
         f"{would}; the calibration is of an output in {known.output_unit}: is the column in this unit, and are these "
-        "samples, not counts?"
+        f"samples, not counts? Name it with its unit, such as {known.channel}_mV, if it is another one"
     )
 
 
@@ -200,8 +200,6 @@ def _expect_at_start(
         why = f"the sign is another: {lines}, or is the axis the other way up?"
     elif counted and abs(1000 * found_g - expected_g) <= STEADY_G:
         why = "are the times of t_s in ms?"
-    elif not counted and abs(found_g / 1000 - expected_g) <= STEADY_G:
-        why = f"is column {channel} in thousandths of the unit of the calibration? Such as mV: call it {channel}_mV"
     raise InputError(f"{file}: channel {channel} begins with {found_g:.6g} g, not with {expected_g:g} g; {why}")
 
 
