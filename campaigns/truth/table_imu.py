@@ -104,9 +104,8 @@ class Placed:
 
     def gyro_output(self, pps: np.ndarray) -> float:
         """Output of a gyro: its pulses, or what it sends in place of them."""
-        return (
-            float(pps[0]) if not self.sends else self.sends["codes_per_pps"] * float(pps[0]) + self.sends["zero_code"]
-        )
+        rate = float(pps[0])
+        return self.sends["codes_per_pps"] * rate + self.sends["zero_code"] if self.sends else rate
 
     def accelerometer_output(self, current_a: np.ndarray) -> float:
         """Output of an accelerometer for its current: pulses, or codes."""
@@ -218,7 +217,7 @@ def prepared(
     sequence = (ROOT / "sequences" / "table_full.yaml").read_text("utf-8")
     if kind == "negative scale":
         bench.write_text(re.sub(r"\b(K1|output): (?=\d)", r"\1: -", bench.read_text("utf-8")), "utf-8")
-        sequence = re.sub(r"\b(?<!\.)(?=[\d.]+ (pulse|code)/)", "-", sequence)
+        sequence = re.sub(r"\b(?<!\.)(?=\d[\d.]* (pulse|code)/)", "-", sequence)
     path = folder / "table_full.yaml"
     path.write_text(sequence, "utf-8")
     return bench, path

@@ -117,9 +117,7 @@ def decode_positions(
     rows, of_samples = encoder.sequence.message.rows(block), form.value.message.rows(block)
     known = _numbers(form, block.data[of_samples], from_number)
     data, own = block.data[rows], encoder.sequence.signal
-    bits = min(
-        own.length, form.sequence.signal.length
-    )  # sequence numbers of a longer signal have no counterpart in the samples
+    bits = min(own.length, form.sequence.signal.length)  # a longer number has no counterpart in the samples
     ahead = ascending(known)
     numbers, fresh = unwrap_by_neighbours(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(
