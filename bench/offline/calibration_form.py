@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import RELATIVE, Linearity
+from bench.metrology.calibration.nominal_output import NominalOutput
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.second_order import NAMES
 from bench.metrology.calibration.temperature import Compensation
@@ -113,6 +114,15 @@ class _Force(Tolerant):
         return ForceTerms(self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u)
 
 
+class _Nominal(Tolerant):
+    at_c: float
+    offset_u: float = Field(0.0, ge=0)
+    scale_u: float = Field(0.0, ge=0)
+
+    def output(self) -> NominalOutput:
+        return NominalOutput(self.at_c, self.offset_u, self.scale_u)
+
+
 class ChannelForm(Tolerant):
     """An entry of a calibration file."""
 
@@ -125,6 +135,8 @@ class ChannelForm(Tolerant):
     linearity: _Linearity | None = None
     response: _Response | None = None
     force: _Force | None = None
+    thermometer: str = ""
+    nominal: _Nominal | None = None
 
     def compensation(self) -> Known:
         """Compensation of the channel."""
@@ -136,4 +148,8 @@ class ChannelForm(Tolerant):
         offset, bias = (None if each is None else each.curve() for each in (self.offset, self.bias))
         linearity = None if self.linearity is None else self.linearity.linearity()
         force = None if self.force is None else self.force.terms()
-        return Compensation(self.channel, self.output, self.value, scale, offset, bias, linearity, force=force)
+        nominal = None if self.nominal is None else self.nominal.output()
+        return Compensation(
+            self.channel, self.output, self.value, scale, offset, bias, linearity,
+            force=force, thermometer=self.thermometer, nominal=nominal,
+        )  # fmt: skip

@@ -23,7 +23,8 @@ MOST_NAMED = 5  # steps in a message
 def counted_in_run(stored: StoredRun, uut: str, channels: Sequence[str], step: str | None) -> CountSeries:
     """Counts of the unit `uut` in an acquisition, by the clock of the counter, with its own temperature.
 
-    The temperature is that of the converter if it has a thermometer. Raises InputError without such a step or unit.
+    The temperature is that of the converter if it has a thermometer, of an inertial unit else that of each sensor.
+    Raises InputError without such a step or unit.
     """
     labels = dict.fromkeys(label for entry in stored.sequence.results for label in entry.labels)
     for label in labels:
@@ -56,7 +57,15 @@ def _record(acquisition: Acquisition, unit: UnitUnderTest, channels: Sequence[st
     seconds = np.asarray(steps_of(first.tick[rows], first.tick_bits) * first.tick_period_s, np.float64)
     pulses = {name: _net_pulses(each, common, seconds) for name, each in zip(channels, counts, strict=True)}
     time_s = np.concatenate(([0.0], np.cumsum(seconds)))
-    return CountRecord(time_s, _temperature_c(acquisition, unit, first.host_s[rows]), pulses)
+    host_s = first.host_s[rows]
+    if unit.converter or not unit.channels:
+        return CountRecord(time_s, _temperature_c(acquisition, unit.converter or unit.temperature, host_s), pulses)
+    read_c = {
+        reading: _temperature_c(acquisition, reading, host_s)
+        for reading in dict.fromkeys(unit.thermometer(name) for name in channels)
+    }
+    own_c = {name: read_c[unit.thermometer(name)] for name in channels}
+    return CountRecord(time_s, own_c[channels[0]], pulses, own_c)
 
 
 def _net_pulses(counts: Counts, common: Integers, seconds: Array) -> Array:
@@ -67,9 +76,8 @@ def _net_pulses(counts: Counts, common: Integers, seconds: Array) -> Array:
     return np.where(unknown, np.nan, (positive - negative).astype(np.float64))
 
 
-def _temperature_c(acquisition: Acquisition, unit: UnitUnderTest, at_s: Array) -> Array:
-    """Temperature of the unit at times of the host, linear between its readings."""
-    name = unit.converter or unit.temperature
+def _temperature_c(acquisition: Acquisition, name: str, at_s: Array) -> Array:
+    """Temperature by a reading at times of the host, linear between its values."""
     read_c, read_s = acquisition.temperatures_c.get(name), acquisition.temperatures_at_s.get(name)
     usable = np.zeros(0, np.bool_) if read_c is None else np.isfinite(read_c) & ~beyond_possible(read_c)
     if read_c is None or read_s is None or not usable.any():

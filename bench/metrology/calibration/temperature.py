@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import Linearity
+from bench.metrology.calibration.nominal_output import NominalOutput
 from bench.metrology.least_squares import Array
 from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
 
@@ -25,7 +26,8 @@ class Compensation:
 
     `offset` is in the unit of the output, `bias` in that of the value; None means zero. With a `linearity` this is its
     x, and the value is its v. For people: `serves` names the inputs of the calibration, `found_at_c` its temperature,
-    if it was a single one. `force` is what specific force over a record needs beside the curves.
+    if it was a single one, `thermometer` the reading by which T was found. `force` is what specific force over a record
+    needs beside the curves, `nominal` what an output regressed to the nominal temperature does.
     """
 
     channel: str
@@ -38,6 +40,8 @@ class Compensation:
     serves: tuple[str, ...] = ()
     found_at_c: float | None = None
     force: ForceTerms | None = None
+    thermometer: str = ""
+    nominal: NominalOutput | None = None
 
     @property
     def valid_c(self) -> tuple[float, float] | None:
@@ -59,7 +63,9 @@ class Compensation:
             **({} if self.linearity is None else {"linearity": self.linearity.to_json()}),
             **({"serves": list(self.serves)} if self.serves else {}),
             **({"found_at_c": self.found_at_c} if self.found_at_c is not None else {}),
+            **({"thermometer": self.thermometer} if self.thermometer else {}),
             **({"force": self.force.to_json()} if self.force is not None else {}),
+            **({"nominal": self.nominal.to_json()} if self.nominal is not None else {}),
         }
 
     def apply(self, output: Array, temperature_c: Array, beyond: Beyond = "hold") -> tuple[Array, NDArray[np.bool_]]:
@@ -76,6 +82,23 @@ class Compensation:
             return value, outside
         value, beyond_range = self.linearity.true(value)
         return np.where(beyond_range & (beyond == "reject"), np.nan, value), outside | beyond_range
+
+    def regressed(
+        self, output: Array, temperature_c: Array, nominal_c: float, beyond: Beyond = "hold"
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Outputs (n,) at the nominal temperature, their standard uncertainties, and a mask of those out of range.
+
+        Of a channel with `nominal` and without a linearity. Errors of the calibration that both temperatures share
+        cancel.
+        """
+        value, outside = self.apply(output, temperature_c, beyond)
+        at_c = np.array([nominal_c])
+        offset, scale, bias = (
+            0.0 if curve is None else values_of(curve, at_c) for curve in (self.offset, self.scale, self.bias)
+        )
+        regressed = np.asarray((value + bias) * scale + offset)
+        offset_u, scale_u = (self.nominal.offset_u, self.nominal.scale_u) if self.nominal is not None else (0.0, 0.0)
+        return regressed, np.where(np.isnan(regressed), np.nan, np.hypot(offset_u, value * scale * scale_u)), outside
 
     def held(self, temperature_c: Array, beyond: Beyond) -> tuple[Array, NDArray[np.bool_]]:
         """Temperatures (n,) at which its curves are taken, and a mask of those out of range: held, or NaN."""

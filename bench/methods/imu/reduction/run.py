@@ -18,15 +18,19 @@ from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
 from bench.methods.imu.reduction.attitudes import NAMES
 from bench.methods.imu.reduction.budget import POOLED, READINGS
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
+from bench.methods.imu.reduction.circuit import circuit_findings
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.methods.imu.reduction.dead_band import dead_band_of, near_zero, near_zero_flags
 from bench.methods.imu.reduction.findings import AxisAtVisit
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, check_model
 from bench.methods.imu.reduction.noise import noise_of
+from bench.methods.imu.reduction.regressed import QUANTITIES as REGRESSED
+from bench.methods.imu.reduction.regressed import Regressed, described, nominal_of
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.user_models import UserModels
 from bench.methods.imu.reduction.visits import differences
-from bench.methods.imu.reduction.windows import readings, visits
+from bench.methods.imu.reduction.windows import SAME_SET_POINT_C, readings, visits
+from bench.methods.imu.words import NOMINAL_UNREACHED
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
@@ -44,11 +48,13 @@ LONG = {"K0": "bias", "K1": "scale factor of the accelerometer", "D0": "zero of 
 class ImuDetail:
     """Data for the report: the calibration, and the knots of each quantity of each axis.
 
-    `curves` are temperature (k,), value (k,), by quantity and axis.
+    `curves` are temperature (k,), value (k,), by quantity and axis, `outputs` the regressed outputs by sensor and axis.
     """
 
     calibration: ImuCalibration
     curves: Mapping[tuple[str, int], tuple[Array, Array]]
+    unit: UnitUnderTest
+    outputs: Mapping[tuple[str, int], Regressed]
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -79,10 +85,14 @@ class _Unit:
         """All results of the unit."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
         over_temperature = list(self._over_temperature(at_visits))
-        user = UserModels(self._data, self._unit, self._found, at_visits)
+        outputs = dict(self._outputs(at_visits))
+        over_temperature += list(self._regressed(at_visits, outputs))
+        user = UserModels(self._data, self._unit, self._found, at_visits, outputs)
+        nominal = (self._nominal_visits, self._settings.get("nominal_c"))
+        circuit = list(circuit_findings(self._data, self._unit, self._visits, *nominal))
         unplaced = [Flag("no_attitude", at=step) for visit in self._visits for step in visit.unplaced]
         closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
-        findings = [*at_visits, *over_temperature, *closure]
+        findings = [*at_visits, *over_temperature, *circuit, *closure]
         limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
         moved = list(dict.fromkeys(each.quantity for each in closure if abs(each.value) > limits[each.quantity]))
         if moved:
@@ -97,10 +107,11 @@ class _Unit:
                 *self._found.flags,
                 *self._found.notes,
                 *self._near_zero_flags(),
+                *self._unreached(outputs),
                 *unplaced,
                 *(Flag("moved", of=quantity) for quantity in moved),
             ),
-            detail=ImuDetail(self._found, self._curves),
+            detail=ImuDetail(self._found, self._curves, self._unit, outputs),
             compensations=tuple(user.compensations(over_temperature)),
         )
 
@@ -225,6 +236,61 @@ class _Unit:
             value = abs(float(apart[largest])) * scale
             yield self._finding(f"{quantity}/repeatability", axis, name, value, u, both, interval)
 
+    # Regressed outputs
+
+    @property
+    def _nominal_visits(self) -> list[int]:
+        """Visits of the first set point, which is the nominal one."""
+        first = self._visits[0].set_c if self._visits else math.nan
+        return [
+            visit.number for visit in self._visits
+            if visit.number == 0 or abs(visit.set_c - first) < SAME_SET_POINT_C
+        ]  # fmt: skip
+
+    def _outputs(self, at_visits: Sequence[Finding]) -> Iterator[tuple[tuple[str, int], Regressed]]:
+        """Output of each sensor over temperature, by sensor and axis; of those with two knots or more."""
+        for sensor, (_, zero_of, scale_of) in REGRESSED.items():
+            for axis, name in enumerate(AXES):
+                table = self._found.knots(sensor, axis)
+                own = [each for each in at_visits if each.at["axis"] == name]
+                zeros, scales = ([e for e in own if e.quantity == quantity] for quantity in (zero_of, scale_of))
+                if not table.usable or not zeros or not scales:
+                    continue
+                rates = [np.abs(each.rate_dps) for point in self._readings.rates for each in point[axis : axis + 1]]
+                yield (
+                    (sensor, axis),
+                    Regressed(
+                        table=table,
+                        nominal_c=nominal_of(
+                            self._found, sensor, axis, self._nominal_visits, self._settings.get("nominal_c")
+                        ),
+                        largest=1.0 if sensor == "acc" else float(np.max(np.concatenate(rates), initial=0.0)),
+                        own_zero=max(map(_own, zeros)) * float(np.max(np.abs(table.scale))),
+                        own_scale=max(map(_own, scales)),
+                    ),
+                )
+
+    def _regressed(
+        self, at_visits: Sequence[Finding], outputs: Mapping[tuple[str, int], Regressed]
+    ) -> Iterator[Finding]:
+        """Change of the output over temperature, and what is left of it at a nominal temperature that was reached."""
+        for (sensor, axis), output in outputs.items():
+            if not output.is_known:
+                continue
+            of = [e for e in at_visits if e.at["axis"] == AXES[axis] and e.quantity in REGRESSED[sensor]]
+            unit = self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
+            subject = self._data.subject(self._unit).part(AXES[axis])
+            steps = tuple(dict.fromkeys(step for each in of for step in each.steps))
+            at = {"axis": AXES[axis], "temperature_c": output.nominal_c}
+            for quantity, name, value, u, interval in described(output, sensor):
+                lines = [BudgetLine(READINGS, "A", u, _dof(of))]
+                yield subject.finding(quantity, name, value, unit, lines, at, steps, interval=interval)
+
+    def _unreached(self, outputs: Mapping[tuple[str, int], Regressed]) -> Iterator[Flag]:
+        """Sensors whose nominal temperature is beyond their knots."""
+        if names := [f"{sensor}_{AXES[axis]}" for (sensor, axis), each in outputs.items() if not each.is_known]:
+            yield Flag(NOMINAL_UNREACHED, values={"sensors": ", ".join(names)})
+
     def _finding(
         self,
         quantity: str,
@@ -237,9 +303,7 @@ class _Unit:
     ) -> Finding:
         """A finding with the uncertainty of the readings: all other errors are common to the visits."""
         base = quantity.partition("/")[0]
-        scattered = [line for each in found for line in each.budget if line.kind == POOLED]
-        dof = min((line.dof for line in scattered if line.dof), default=0)
-        lines = [BudgetLine(READINGS, "A", abs(u), dof or None)]
+        lines = [BudgetLine(READINGS, "A", abs(u), _dof(found))]
         steps = tuple(dict.fromkeys(step for each in found for step in each.steps))
         subject = self._data.subject(self._unit).part(AXES[axis])
         return subject.finding(
@@ -258,6 +322,12 @@ def _curve(found: ImuCalibration, quantity: str, axis: int) -> tuple[Array, Arra
 def _own(finding: Finding) -> float:
     """Part of an uncertainty that is due to the readings."""
     return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
+
+
+def _dof(found: Sequence[Finding]) -> int | None:
+    """Least degrees of freedom of the scatter of findings; None if unlimited."""
+    scattered = [line for each in found for line in each.budget if line.kind == POOLED]
+    return min((line.dof for line in scattered if line.dof), default=None)
 
 
 def _same_point(one: Finding, other: Finding) -> bool:

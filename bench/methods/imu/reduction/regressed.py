@@ -1,0 +1,144 @@
+"""Output of a sensor regressed to its nominal temperature: its change before, and what is left (equations 4.5).
+
+    (N/t)_N = v K1(T_N) + K0(T_N),   v = (N/t - K0(T)) / K1(T)
+
+N is the net output of an accelerometer at 1 g of either sign, W that of a gyro at the largest rate of the calibration.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.methods.imu.reduction.calibrate import ImuCalibration
+from bench.methods.imu.reduction.knots import TemperatureTable
+from bench.metrology.calibration.nominal_output import NominalOutput
+from bench.metrology.extremes import interval_of_largest
+from bench.metrology.least_squares import Array
+from bench.metrology.results.finding import Finding, Interval
+
+QUANTITIES = {"acc": ("N", "K0", "K1"), "gyro": ("W", "D0", "KG")}
+CHANGE = "largest change of the output over temperature, at {inputs}, without compensation"
+LEFT = (
+    "largest change of the regressed output, at {inputs}, at a temperature that was left out: about four times what "
+    "compensation leaves"
+)
+INPUTS = {"acc": "1 g of either sign", "gyro": "the largest rate of either sign"}
+
+
+@dataclass(frozen=True, slots=True)
+class Regressed:
+    """Output of one sensor over temperature: its table, nominal temperature, largest input, and own u of its constants.
+
+    `own_zero` and `own_scale` are standard uncertainties of zero and scale factor of a visit by the readings alone.
+    """
+
+    table: TemperatureTable
+    nominal_c: float
+    largest: float
+    own_zero: float
+    own_scale: float
+
+    @property
+    def is_known(self) -> bool:
+        """True if the nominal temperature is between the knots."""
+        return self.table.usable and bool(self.table.covers(np.array(self.nominal_c)))
+
+    @property
+    def own(self) -> float:
+        """Standard uncertainty of an output at the largest input by the readings alone."""
+        return math.hypot(self.own_zero, self.largest * self.own_scale)
+
+    def change(self) -> tuple[float, float, Interval]:
+        """Largest deviation of the outputs at the knots from that at the nominal temperature."""
+        return self._largest(self._outputs(self.table) - self._at_nominal(self.table), math.sqrt(2) * self.own)
+
+    def left(self) -> tuple[float, float, Interval] | None:
+        """Largest deviation of the output at an inner knot, regressed by the others; None without an inner knot.
+
+        The nominal output is that of the whole table, unless the knot at the nominal temperature itself is left out.
+        """
+        inner = range(1, len(self.table.temperature_c) - 1)
+        found = [self._left_at(number) for number in inner]
+        return self._largest(np.array(found), math.sqrt(1.5) * self.own) if found else None
+
+    def _left_at(self, number: int) -> Array:
+        """Error of the regressed output of a knot by a table without it, for both inputs (2,)."""
+        table = self.table
+        others = TemperatureTable(*(np.delete(each, number) for each in (table.temperature_c, table.zero, table.scale)))
+        zero, scale = others.at(table.temperature_c[number : number + 1], "hold")
+        value = (self._outputs(table)[number] - zero) / scale
+        return np.asarray((value - self._inputs) * self._nominal(table)[1])
+
+    @property
+    def nominal_scale(self) -> float:
+        """Scale factor at the nominal temperature."""
+        return float(self._nominal(self.table)[1][0])
+
+    @property
+    def _inputs(self) -> Array:
+        return np.array([1.0, -1.0]) * self.largest
+
+    def _outputs(self, table: TemperatureTable) -> Array:
+        """Outputs at the knots for both inputs, (k, 2)."""
+        return np.asarray(table.zero[:, np.newaxis] + table.scale[:, np.newaxis] * self._inputs)
+
+    def _nominal(self, table: TemperatureTable) -> tuple[Array, Array]:
+        return table.at(np.array([self.nominal_c]), "hold")
+
+    def _at_nominal(self, table: TemperatureTable) -> Array:
+        zero, scale = self._nominal(table)
+        return np.asarray(zero + scale * self._inputs)
+
+    def _largest(self, deviations: Array, u: float) -> tuple[float, float, Interval]:
+        """Largest of deviations (k, 2), its standard uncertainty, and its interval."""
+        worst = deviations[np.arange(len(deviations)), np.argmax(np.abs(deviations), axis=-1)]
+        return float(np.max(np.abs(worst))), u, interval_of_largest(worst, u)
+
+
+def nominal_of(found: ImuCalibration, sensor: str, axis: int, visits: Sequence[int], nominal_c: float | None) -> float:
+    """Nominal temperature of a sensor: as stated, or the mean by its thermometer over the nominal visits; else NaN."""
+    if nominal_c is not None:
+        return nominal_c
+    there = [one for number in visits if (one := found.points[number].axes[axis]) is not None]
+    read_c = [one.accelerometer_c if sensor == "acc" else one.gyro_c for one in there]
+    known = [each for each in read_c if math.isfinite(each)]
+    return float(np.mean(known)) if known else math.nan
+
+
+def nominal_output(regressed: Regressed, sensor: str, over_temperature: Mapping[str, float]) -> NominalOutput | None:
+    """Nominal temperature and uncertainty of a regressed output, for the user of the unit; None if not known.
+
+    `over_temperature` has the largest differences of visits and the errors of knots left out, by quantity. Errors of
+    the bench are those of the nominal temperature, too, and cancel.
+    """
+    if not regressed.is_known:
+        return None
+    _, zero_of, scale_of = QUANTITIES[sensor]
+    scale = regressed.nominal_scale
+
+    def beside(quantity: str) -> float:
+        apart, left = (over_temperature.get(f"{quantity}/{what}", 0.0) for what in ("repeatability", "interpolation"))
+        return math.hypot(apart, left / 4) / math.sqrt(3)
+
+    return NominalOutput(
+        at_c=regressed.nominal_c,
+        offset_u=math.hypot(math.sqrt(2) * regressed.own_zero, abs(scale) * beside(zero_of)),
+        scale_u=math.hypot(math.sqrt(2) * regressed.own_scale / abs(scale), beside(scale_of)),
+    )
+
+
+def left_outs(findings: Sequence[Finding], axis: str) -> dict[str, float]:
+    """Values of the results over temperature of an axis, by quantity."""
+    return {each.quantity: each.value for each in findings if each.at.get("axis") == axis and "visit" not in each.at}
+
+
+def described(regressed: Regressed, sensor: str) -> Iterator[tuple[str, str, float, float, Interval]]:
+    """Quantity, name, value, standard uncertainty and interval of each result on the regressed output of a sensor."""
+    symbol, inputs = QUANTITIES[sensor][0], INPUTS[sensor]
+    yield f"{symbol}/change", CHANGE.format(inputs=inputs), *regressed.change()
+    if (left := regressed.left()) is not None:
+        yield f"{symbol}/left", LEFT.format(inputs=inputs), *left
