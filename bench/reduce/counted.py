@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from bench.errors import InputError
 from bench.metrology.acquisition import Acquisition, Array, Counts, Integers
+from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.pulse_counts import steps_of
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.temperature_checks import beyond_possible
@@ -40,6 +41,15 @@ def counted_in_run(stored: StoredRun, uut: str, channels: Sequence[str], step: s
     which = f"there is no acquisition '{step}'{did_you_mean(step, steps)}" if step else "give --step, one of a run"
     more = f" and {len(steps) - MOST_NAMED} more" if len(steps) > MOST_NAMED else ""
     raise InputError(f"{stored.folder.name}: {which}. It has {', '.join(steps[:MOST_NAMED])}{more}")
+
+
+def other_thermometers(stored: StoredRun, uut: str, channels: Mapping[str, Compensation]) -> Iterator[str]:
+    """Remarks on channels that a run reads by another thermometer than their calibration."""
+    places = {serial: place for place, serial in stored.serials.items()}
+    read_by = stored.bench.places[places[uut]].at_sensors if uut in places else {}
+    for name, known in channels.items():
+        if known.thermometer and read_by.get(name, known.thermometer) != known.thermometer:
+            yield f"{name} is calibrated over {known.thermometer}; here its temperature is that of {read_by[name]}"
 
 
 def _record(acquisition: Acquisition, unit: UnitUnderTest, channels: Sequence[str]) -> CountRecord:

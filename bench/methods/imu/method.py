@@ -71,6 +71,12 @@ class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
         description="nominal temperature of the sensors, to which outputs are regressed; by default that of each "
         "sensor at the first set point",
     )
+    gradient_limit_c: Annotated[float, InUnit("°C", above=0)] = Field(
+        5.0,
+        alias="gradient_limit",
+        description="maximum deviation of the thermometer of a sensor from those of its triad; beyond it, it is not at "
+        "its sensor",
+    )
     attitude_tolerance_g: Annotated[float, InUnit("g", above=0)] = Field(
         0.05,
         alias="attitude_tolerance",

@@ -39,7 +39,8 @@ HEADINGS_UNKNOWN = "the gyros do not tell the headings of {untold} of {count} at
 NORTH_ELSEWHERE = "the horizontal gyros saw north elsewhere than scheduled: {axes}"
 FEW_TEMPERATURES = "the thermometer of {sensor} gave fewer than half of its readings"
 NOMINAL_UNREACHED = "the nominal temperature is beyond the temperatures of {sensors}: their outputs were not regressed"
-NOTES = (NO_LATITUDE, HEADINGS_UNKNOWN, NORTH_ELSEWHERE, FEW_TEMPERATURES, NOMINAL_UNREACHED)
+THERMOMETER_APART = "the thermometer of {sensor} is up to {apart} °C from those of its triad; is it at its sensor?"
+NOTES = (NO_LATITUDE, HEADINGS_UNKNOWN, NORTH_ELSEWHERE, FEW_TEMPERATURES, NOMINAL_UNREACHED, THERMOMETER_APART)
 SOURCES = ("power-on", "computer", "gyro", "readings of the rates", "K2 of the accelerometer")
 
 WORDS = {

@@ -10,15 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
+from bench.methods.imu.reduction.budget import READINGS, own_u, pooled_dof
 from bench.methods.imu.reduction.calibrate import ImuCalibration
 from bench.methods.imu.reduction.knots import TemperatureTable
+from bench.methods.imu.reduction.records import ImuReadings
 from bench.metrology.calibration.nominal_output import NominalOutput
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.least_squares import Array
-from bench.metrology.results.finding import Finding, Interval
+from bench.metrology.results.budget import BudgetLine
+from bench.metrology.results.finding import Finding, Interval, Subject
+from bench.metrology.run_data import AXES, UnitUnderTest
 
 QUANTITIES = {"acc": ("N", "K0", "K1"), "gyro": ("W", "D0", "KG")}
 CHANGE = "largest change of the output over temperature, at {inputs}, without compensation"
@@ -107,6 +112,47 @@ def nominal_of(found: ImuCalibration, sensor: str, axis: int, visits: Sequence[i
     read_c = [one.accelerometer_c if sensor == "acc" else one.gyro_c for one in there]
     known = [each for each in read_c if math.isfinite(each)]
     return float(np.mean(known)) if known else math.nan
+
+
+def outputs_of(
+    found: ImuCalibration,
+    readings: ImuReadings,
+    at_visits: Sequence[Finding],
+    nominal_visits: Sequence[int],
+    nominal_c: float | None,
+) -> dict[tuple[str, int], Regressed]:
+    """Outputs over temperature by sensor and axis; of those with two knots or more."""
+    outputs = {}
+    for (sensor, (_, zero_of, scale_of)), (axis, name) in product(QUANTITIES.items(), enumerate(AXES)):
+        table = found.knots(sensor, axis)
+        own = [each for each in at_visits if each.at["axis"] == name]
+        zeros, scales = ([each for each in own if each.quantity == quantity] for quantity in (zero_of, scale_of))
+        if table.usable and zeros and scales:
+            rates_dps = np.concatenate([point[axis].rate_dps for point in readings.rates])
+            outputs[sensor, axis] = Regressed(
+                table=table,
+                nominal_c=nominal_of(found, sensor, axis, nominal_visits, nominal_c),
+                largest=1.0 if sensor == "acc" else float(np.max(np.abs(rates_dps))),
+                own_zero=max(map(own_u, zeros)) * float(np.max(np.abs(table.scale))),
+                own_scale=max(map(own_u, scales)),
+            )
+    return outputs
+
+
+def regressed_findings(
+    subject: Subject, unit: UnitUnderTest, outputs: Mapping[tuple[str, int], Regressed], at_visits: Sequence[Finding]
+) -> Iterator[Finding]:
+    """Change of each output over temperature, and what is left of it, where the nominal temperature was reached."""
+    for (sensor, axis), output in outputs.items():
+        of = [e for e in at_visits if e.at["axis"] == AXES[axis] and e.quantity in QUANTITIES[sensor]]
+        output_unit = unit.output_unit if sensor == "acc" else unit.gyro_output_unit
+        steps = tuple(dict.fromkeys(step for each in of for step in each.steps))
+        at = {"axis": AXES[axis], "temperature_c": output.nominal_c}
+        for quantity, name, value, u, interval in described(output, sensor) if output.is_known else ():
+            lines = [BudgetLine(READINGS, "A", u, pooled_dof(of))]
+            yield subject.part(AXES[axis]).finding(
+                quantity, name, value, output_unit, lines, at, steps, interval=interval
+            )
 
 
 def nominal_output(regressed: Regressed, sensor: str, over_temperature: Mapping[str, float]) -> NominalOutput | None:

@@ -16,16 +16,15 @@ from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
 from bench.methods.imu.reduction.attitudes import NAMES
-from bench.methods.imu.reduction.budget import POOLED, READINGS
-from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
+from bench.methods.imu.reduction.budget import READINGS, own_u, pooled_dof
+from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate, thermometers_apart
 from bench.methods.imu.reduction.circuit import circuit_findings
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.methods.imu.reduction.dead_band import dead_band_of, near_zero, near_zero_flags
 from bench.methods.imu.reduction.findings import AxisAtVisit
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, check_model
 from bench.methods.imu.reduction.noise import noise_of
-from bench.methods.imu.reduction.regressed import QUANTITIES as REGRESSED
-from bench.methods.imu.reduction.regressed import Regressed, described, nominal_of
+from bench.methods.imu.reduction.regressed import Regressed, outputs_of, regressed_findings
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.user_models import UserModels
 from bench.methods.imu.reduction.visits import differences
@@ -85,11 +84,11 @@ class _Unit:
         """All results of the unit."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
         over_temperature = list(self._over_temperature(at_visits))
-        outputs = dict(self._outputs(at_visits))
-        over_temperature += list(self._regressed(at_visits, outputs))
+        nominal_c = self._settings.get("nominal_c")
+        outputs = outputs_of(self._found, self._readings, at_visits, self._nominal_visits, nominal_c)
+        over_temperature += list(regressed_findings(self._data.subject(self._unit), self._unit, outputs, at_visits))
         user = UserModels(self._data, self._unit, self._found, at_visits, outputs)
-        nominal = (self._nominal_visits, self._settings.get("nominal_c"))
-        circuit = list(circuit_findings(self._data, self._unit, self._visits, *nominal))
+        circuit = list(circuit_findings(self._data, self._unit, self._visits, self._nominal_visits, nominal_c))
         unplaced = [Flag("no_attitude", at=step) for visit in self._visits for step in visit.unplaced]
         closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
         findings = [*at_visits, *over_temperature, *circuit, *closure]
@@ -108,6 +107,7 @@ class _Unit:
                 *self._found.notes,
                 *self._near_zero_flags(),
                 *self._unreached(outputs),
+                *thermometers_apart(self._found, self._settings["gradient_limit_c"]),
                 *unplaced,
                 *(Flag("moved", of=quantity) for quantity in moved),
             ),
@@ -207,7 +207,7 @@ class _Unit:
         """Change over temperature, interpolation error of the knots and repeatability at the first set point."""
         temperature_c, values = self._curves[quantity, axis]
         scale = 1 / found[0].value if quantity in RELATIVE else 1.0
-        own = [_own(each) for each in found]
+        own = [own_u(each) for each in found]
         if len(temperature_c) > 1:
             start = np.interp(found[0].at["temperature_c"], temperature_c, values)
             farthest = int(np.argmax(np.abs(values - start)))
@@ -229,7 +229,7 @@ class _Unit:
             at_c, own_values = [each.at["temperature_c"] for each in there], [each.value for each in there]
             apart = differences(at_c, own_values, (temperature_c, values))
             largest = int(np.argmax(np.abs(apart)))
-            us = np.hypot(own[0], [_own(each) for each in again])
+            us = np.hypot(own[0], [own_u(each) for each in again])
             name = "largest difference between visits of the first set point"
             both, u = [found[0], again[largest]], float(us[largest]) * scale
             interval = interval_of_largest(apart, us).times(scale)
@@ -246,45 +246,6 @@ class _Unit:
             visit.number for visit in self._visits
             if visit.number == 0 or abs(visit.set_c - first) < SAME_SET_POINT_C
         ]  # fmt: skip
-
-    def _outputs(self, at_visits: Sequence[Finding]) -> Iterator[tuple[tuple[str, int], Regressed]]:
-        """Output of each sensor over temperature, by sensor and axis; of those with two knots or more."""
-        for sensor, (_, zero_of, scale_of) in REGRESSED.items():
-            for axis, name in enumerate(AXES):
-                table = self._found.knots(sensor, axis)
-                own = [each for each in at_visits if each.at["axis"] == name]
-                zeros, scales = ([e for e in own if e.quantity == quantity] for quantity in (zero_of, scale_of))
-                if not table.usable or not zeros or not scales:
-                    continue
-                rates = [np.abs(each.rate_dps) for point in self._readings.rates for each in point[axis : axis + 1]]
-                yield (
-                    (sensor, axis),
-                    Regressed(
-                        table=table,
-                        nominal_c=nominal_of(
-                            self._found, sensor, axis, self._nominal_visits, self._settings.get("nominal_c")
-                        ),
-                        largest=1.0 if sensor == "acc" else float(np.max(np.concatenate(rates), initial=0.0)),
-                        own_zero=max(map(_own, zeros)) * float(np.max(np.abs(table.scale))),
-                        own_scale=max(map(_own, scales)),
-                    ),
-                )
-
-    def _regressed(
-        self, at_visits: Sequence[Finding], outputs: Mapping[tuple[str, int], Regressed]
-    ) -> Iterator[Finding]:
-        """Change of the output over temperature, and what is left of it at a nominal temperature that was reached."""
-        for (sensor, axis), output in outputs.items():
-            if not output.is_known:
-                continue
-            of = [e for e in at_visits if e.at["axis"] == AXES[axis] and e.quantity in REGRESSED[sensor]]
-            unit = self._unit.output_unit if sensor == "acc" else self._unit.gyro_output_unit
-            subject = self._data.subject(self._unit).part(AXES[axis])
-            steps = tuple(dict.fromkeys(step for each in of for step in each.steps))
-            at = {"axis": AXES[axis], "temperature_c": output.nominal_c}
-            for quantity, name, value, u, interval in described(output, sensor):
-                lines = [BudgetLine(READINGS, "A", u, _dof(of))]
-                yield subject.finding(quantity, name, value, unit, lines, at, steps, interval=interval)
 
     def _unreached(self, outputs: Mapping[tuple[str, int], Regressed]) -> Iterator[Flag]:
         """Sensors whose nominal temperature is beyond their knots."""
@@ -303,7 +264,7 @@ class _Unit:
     ) -> Finding:
         """A finding with the uncertainty of the readings: all other errors are common to the visits."""
         base = quantity.partition("/")[0]
-        lines = [BudgetLine(READINGS, "A", abs(u), _dof(found))]
+        lines = [BudgetLine(READINGS, "A", abs(u), pooled_dof(found))]
         steps = tuple(dict.fromkeys(step for each in found for step in each.steps))
         subject = self._data.subject(self._unit).part(AXES[axis])
         return subject.finding(
@@ -317,17 +278,6 @@ def _curve(found: ImuCalibration, quantity: str, axis: int) -> tuple[Array, Arra
     if not len(table.temperature_c) or quantity in RELATIVE:
         return table.temperature_c, table.scale
     return table.temperature_c, np.asarray(table.zero / table.scale)
-
-
-def _own(finding: Finding) -> float:
-    """Part of an uncertainty that is due to the readings."""
-    return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
-
-
-def _dof(found: Sequence[Finding]) -> int | None:
-    """Least degrees of freedom of the scatter of findings; None if unlimited."""
-    scattered = [line for each in found for line in each.budget if line.kind == POOLED]
-    return min((line.dof for line in scattered if line.dof), default=None)
 
 
 def _same_point(one: Finding, other: Finding) -> bool:
