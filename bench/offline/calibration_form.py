@@ -116,11 +116,13 @@ class _Force(Tolerant):
 
 class _Nominal(Tolerant):
     at_c: float
-    offset_u: float = Field(0.0, ge=0)
-    scale_u: float = Field(0.0, ge=0)
+    offset_u: tuple[float, ...]
+    scale_u: tuple[float, ...]
+    offset_beside_u: float = Field(0.0, ge=0)
+    scale_beside_u: float = Field(0.0, ge=0)
 
     def output(self) -> NominalOutput:
-        return NominalOutput(self.at_c, self.offset_u, self.scale_u)
+        return NominalOutput(self.at_c, self.offset_u, self.scale_u, self.offset_beside_u, self.scale_beside_u)
 
 
 class ChannelForm(Tolerant):
@@ -137,6 +139,13 @@ class ChannelForm(Tolerant):
     force: _Force | None = None
     thermometer: str = ""
     nominal: _Nominal | None = None
+
+    @model_validator(mode="after")
+    def _has_all_knots(self) -> Self:
+        knots = len(self.scale.knots_c) if isinstance(self.scale, _Knots) else 0
+        if self.nominal is not None and {len(self.nominal.offset_u), len(self.nominal.scale_u)} != {knots}:
+            raise telling(f"nominal needs an offset_u and a scale_u for each of {knots} knots of scale")
+        return self
 
     def compensation(self) -> Known:
         """Compensation of the channel."""

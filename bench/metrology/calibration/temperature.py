@@ -88,8 +88,7 @@ class Compensation:
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Outputs (n,) at the nominal temperature, their standard uncertainties, and a mask of those out of range.
 
-        Of a channel with `nominal` and without a linearity. Errors of the calibration that both temperatures share
-        cancel.
+        Of a channel without a linearity; the uncertainty is NaN without `nominal`, and without knots.
         """
         value, outside = self.apply(output, temperature_c, beyond)
         at_c = np.array([nominal_c])
@@ -97,8 +96,10 @@ class Compensation:
             0.0 if curve is None else values_of(curve, at_c) for curve in (self.offset, self.scale, self.bias)
         )
         regressed = np.asarray((value + bias) * scale + offset)
-        offset_u, scale_u = (self.nominal.offset_u, self.nominal.scale_u) if self.nominal is not None else (0.0, 0.0)
-        return regressed, np.where(np.isnan(regressed), np.nan, np.hypot(offset_u, value * scale * scale_u)), outside
+        if self.nominal is None or not isinstance(self.scale, KnotModel):
+            return regressed, np.full_like(regressed, np.nan), outside
+        held_c, _ = self.held(temperature_c, beyond)
+        return regressed, self.nominal.u(value, held_c, self.scale.knots_c, nominal_c), outside
 
     def held(self, temperature_c: Array, beyond: Beyond) -> tuple[Array, NDArray[np.bool_]]:
         """Temperatures (n,) at which its curves are taken, and a mask of those out of range: held, or NaN."""

@@ -147,6 +147,12 @@ class ImuCalibration:
         """One axis at all set points where it could be calibrated."""
         return _calibrated(self.points, axis)
 
+    def temperatures_c(self, sensor: str, axis: int) -> Array:
+        """Temperatures (m,) of one channel where it could be calibrated; `sensor` is acc or gyro."""
+        every = self.over_temperature(axis)
+        read_c = np.array([one.accelerometer_c if sensor == "acc" else one.gyro_c for one in every], np.float64)
+        return read_c[np.isfinite(read_c)]
+
     def knots(self, sensor: str, axis: int) -> TemperatureTable:
         """Knots of one channel over temperature; `sensor` is acc or gyro."""
         every = self.over_temperature(axis)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.budget import READINGS, own_u, pooled_dof
 from bench.methods.imu.reduction.calibrate import ImuCalibration
@@ -38,7 +39,8 @@ INPUTS = {"acc": "1 g of either sign", "gyro": "the largest rate of either sign"
 class Regressed:
     """Output of one sensor over temperature: its table, nominal temperature, largest input, and own u of its constants.
 
-    `own_zero` and `own_scale` are standard uncertainties of zero and scale factor of a visit by the readings alone.
+    `own_zero` and `own_scale` are standard uncertainties of zero and scale factor of a visit by the readings alone,
+    `visits` (k,) the numbers of visits that are averaged in the knots.
     """
 
     table: TemperatureTable
@@ -46,6 +48,7 @@ class Regressed:
     largest: float
     own_zero: float
     own_scale: float
+    visits: NDArray[np.int_]
 
     @property
     def is_known(self) -> bool:
@@ -135,8 +138,15 @@ def outputs_of(
                 largest=1.0 if sensor == "acc" else float(np.max(np.abs(rates_dps))),
                 own_zero=max(map(own_u, zeros)) * float(np.max(np.abs(table.scale))),
                 own_scale=max(map(own_u, scales)),
+                visits=_visits_at(table.temperature_c, found.temperatures_c(sensor, axis)),
             )
     return outputs
+
+
+def _visits_at(knots_c: Array, visits_c: Array) -> NDArray[np.int_]:
+    """Numbers (k,) of visits nearest to each knot, one at least."""
+    nearest = np.argmin(np.abs(visits_c[:, np.newaxis] - knots_c), axis=-1)
+    return np.maximum(np.bincount(nearest, minlength=len(knots_c)), 1)
 
 
 def regressed_findings(
@@ -156,24 +166,27 @@ def regressed_findings(
 
 
 def nominal_output(regressed: Regressed, sensor: str, over_temperature: Mapping[str, float]) -> NominalOutput | None:
-    """Nominal temperature and uncertainty of a regressed output, for the user of the unit; None if not known.
+    """Nominal temperature and uncertainties of a regressed output, for the user of the unit; None if not known.
 
-    `over_temperature` has the largest differences of visits and the errors of knots left out, by quantity. Errors of
-    the bench are those of the nominal temperature, too, and cancel.
+    `over_temperature` has the largest differences of visits and the errors of knots left out, by quantity; as much of
+    them as scatter alone makes is left out. Compensation leaves about a quarter of the error of a knot left out.
     """
     if not regressed.is_known:
         return None
     _, zero_of, scale_of = QUANTITIES[sensor]
-    scale = regressed.nominal_scale
+    scale = abs(regressed.nominal_scale)
 
-    def beside(quantity: str) -> float:
+    def beside(quantity: str, own: float) -> float:
         apart, left = (over_temperature.get(f"{quantity}/{what}", 0.0) for what in ("repeatability", "interpolation"))
-        return math.hypot(apart, left / 4) / math.sqrt(3)
+        return math.sqrt((max(apart**2 - 2 * own**2, 0.0) + max(left**2 - 1.5 * own**2, 0.0) / 16) / 3)
 
+    per_knot = 1 / np.sqrt(regressed.visits)
     return NominalOutput(
         at_c=regressed.nominal_c,
-        offset_u=math.hypot(math.sqrt(2) * regressed.own_zero, abs(scale) * beside(zero_of)),
-        scale_u=math.hypot(math.sqrt(2) * regressed.own_scale / abs(scale), beside(scale_of)),
+        offset_u=tuple((regressed.own_zero * per_knot).tolist()),
+        scale_u=tuple((regressed.own_scale * per_knot).tolist()),
+        offset_beside_u=scale * beside(zero_of, regressed.own_zero / scale),
+        scale_beside_u=scale * beside(scale_of, regressed.own_scale / scale),
     )
 
 
