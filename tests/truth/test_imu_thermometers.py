@@ -62,6 +62,7 @@ def test_every_finding_is_at_the_temperature_of_its_own_sensor(run):
     assert max(abs(each.ratio) for each in comparisons) < 4
     truth = json.loads((run / "truth.json").read_text("utf-8"))
     found = [each for each in results_of(run)["findings"] if each["quantity"] in ("K0", "D0")]
+    assert len(found) == 24
     for each in found:
         number = "xyz".index(each["at"]["axis"]) + (3 if each["quantity"] == "D0" else 0)
         true_c = np.mean([truth["windows"][f"imu/a@{step}"]["sensors_c"][number] for step in each["steps"]])
@@ -96,6 +97,7 @@ def test_another_thermometer_than_its_own_gives_other_constants(run, plant):
     found = [each for each in compare_imu(run, results) if each.quantity == "K1"]
     assert max(abs(each.ratio) for each in found) > 6
     assert results["verdict"] == "PASS"
+    assert results["units"]
     assert not any("thermometer" in flag for unit in results["units"] for flag in unit["flags"])
 
 

@@ -27,12 +27,15 @@ from bench.metrology.results.finding import Finding, Interval, Subject
 from bench.metrology.run_data import AXES, UnitUnderTest
 
 QUANTITIES = {"acc": ("N", "K0", "K1"), "gyro": ("W", "D0", "KG")}
-CHANGE = "largest change of the output over temperature, at {inputs}, without compensation"
-LEFT = (
-    "largest change of the regressed output, at {inputs}, at a temperature that was left out: about four times what "
-    "compensation leaves"
-)
-INPUTS = {"acc": "1 g of either sign", "gyro": "the largest rate of either sign"}
+NAMES = {
+    "N/change": "largest change of the output over temperature, at 1 g of either sign, without compensation",
+    "N/left": "largest error of the regressed output, at 1 g of either sign, at a temperature that was left out: about "
+    "four times what compensation leaves",
+    "W/change": "largest change of the output over temperature, at the largest rate of either sign, without "
+    "compensation",
+    "W/left": "largest error of the regressed output, at the largest rate of either sign, at a temperature that was "
+    "left out: about four times what compensation leaves",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +141,12 @@ def outputs_of(
                 largest=1.0 if sensor == "acc" else float(np.max(np.abs(rates_dps))),
                 own_zero=max(map(own_u, zeros)) * float(np.max(np.abs(table.scale))),
                 own_scale=max(map(own_u, scales)),
-                visits=_visits_at(table.temperature_c, found.temperatures_c(sensor, axis)),
+                visits=visits_at(table.temperature_c, found.temperatures_c(sensor, axis)),
             )
     return outputs
 
 
-def _visits_at(knots_c: Array, visits_c: Array) -> NDArray[np.int_]:
+def visits_at(knots_c: Array, visits_c: Array) -> NDArray[np.int_]:
     """Numbers (k,) of visits nearest to each knot, one at least."""
     nearest = np.argmin(np.abs(visits_c[:, np.newaxis] - knots_c), axis=-1)
     return np.maximum(np.bincount(nearest, minlength=len(knots_c)), 1)
@@ -158,10 +161,10 @@ def regressed_findings(
         output_unit = unit.output_unit if sensor == "acc" else unit.gyro_output_unit
         steps = tuple(dict.fromkeys(step for each in of for step in each.steps))
         at = {"axis": AXES[axis], "temperature_c": output.nominal_c}
-        for quantity, name, value, u, interval in described(output, sensor) if output.is_known else ():
+        for quantity, value, u, interval in described(output, sensor) if output.is_known else ():
             lines = [BudgetLine(READINGS, "A", u, pooled_dof(of))]
             yield subject.part(AXES[axis]).finding(
-                quantity, name, value, output_unit, lines, at, steps, interval=interval
+                quantity, NAMES[quantity], value, output_unit, lines, at, steps, interval=interval
             )
 
 
@@ -195,9 +198,9 @@ def left_outs(findings: Sequence[Finding], axis: str) -> dict[str, float]:
     return {each.quantity: each.value for each in findings if each.at.get("axis") == axis and "visit" not in each.at}
 
 
-def described(regressed: Regressed, sensor: str) -> Iterator[tuple[str, str, float, float, Interval]]:
-    """Quantity, name, value, standard uncertainty and interval of each result on the regressed output of a sensor."""
-    symbol, inputs = QUANTITIES[sensor][0], INPUTS[sensor]
-    yield f"{symbol}/change", CHANGE.format(inputs=inputs), *regressed.change()
+def described(regressed: Regressed, sensor: str) -> Iterator[tuple[str, float, float, Interval]]:
+    """Quantity, value, standard uncertainty and interval of each result on the regressed output of a sensor."""
+    symbol = QUANTITIES[sensor][0]
+    yield f"{symbol}/change", *regressed.change()
     if (left := regressed.left()) is not None:
-        yield f"{symbol}/left", LEFT.format(inputs=inputs), *left
+        yield f"{symbol}/left", *left
