@@ -1,8 +1,8 @@
 """Cases of method M2: an inertial unit calibrated over temperature and compensated (equations 4 and 9).
 
-Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and of `apply`
-the regressed outputs with those of their differences from the nominal temperature; and `model_check`, the interpolation
-error of the knots of each channel.
+Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and the
+regressed outputs of `apply` with those of their differences from the nominal temperature; and `model_check`, the
+interpolation error of the knots of each channel.
 """
 
 from __future__ import annotations
