@@ -40,7 +40,16 @@ NORTH_ELSEWHERE = "the horizontal gyros saw north elsewhere than scheduled: {axe
 FEW_TEMPERATURES = "the thermometer of {sensor} gave fewer than half of its readings"
 NOMINAL_UNREACHED = "the nominal temperature is beyond the temperatures of {sensors}: their outputs were not regressed"
 THERMOMETER_APART = "the thermometer of {sensor} is up to {apart} °C from those of its triad; is it at its sensor?"
-NOTES = (NO_LATITUDE, HEADINGS_UNKNOWN, NORTH_ELSEWHERE, FEW_TEMPERATURES, NOMINAL_UNREACHED, THERMOMETER_APART)
+OTHER_THERMOMETER = "{sensor} is calibrated over {thermometer}; here its temperature is that of {read}"
+NOTES = (
+    NO_LATITUDE,
+    HEADINGS_UNKNOWN,
+    NORTH_ELSEWHERE,
+    FEW_TEMPERATURES,
+    NOMINAL_UNREACHED,
+    OTHER_THERMOMETER,
+    THERMOMETER_APART,
+)
 SOURCES = ("power-on", "computer", "gyro", "readings of the rates", "K2 of the accelerometer")
 
 WORDS = {
