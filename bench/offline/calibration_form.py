@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from bench.metrology.calibration.dynamic import DynamicBias
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import RELATIVE, Linearity
 from bench.metrology.calibration.response import ResponseCompensation
@@ -113,6 +114,15 @@ class _Force(Tolerant):
         return ForceTerms(self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u)
 
 
+class _Dynamic(Tolerant):
+    bias: _Polynomial
+    rate: _Constant
+    fastest: float = Field(alias="fastest_C_per_min", gt=0)
+
+    def dynamic(self) -> DynamicBias:
+        return DynamicBias(self.bias.curve(), self.rate.curve(), self.fastest)
+
+
 class ChannelForm(Tolerant):
     """An entry of a calibration file."""
 
@@ -125,6 +135,7 @@ class ChannelForm(Tolerant):
     linearity: _Linearity | None = None
     response: _Response | None = None
     force: _Force | None = None
+    dynamic: _Dynamic | None = None
 
     def compensation(self) -> Known:
         """Compensation of the channel."""
@@ -136,4 +147,7 @@ class ChannelForm(Tolerant):
         offset, bias = (None if each is None else each.curve() for each in (self.offset, self.bias))
         linearity = None if self.linearity is None else self.linearity.linearity()
         force = None if self.force is None else self.force.terms()
-        return Compensation(self.channel, self.output, self.value, scale, offset, bias, linearity, force=force)
+        dynamic = None if self.dynamic is None else self.dynamic.dynamic()
+        return Compensation(
+            self.channel, self.output, self.value, scale, offset, bias, linearity, force=force, dynamic=dynamic
+        )

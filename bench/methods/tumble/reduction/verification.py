@@ -22,7 +22,7 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import ReleasedCalibration, RunData, UnitUnderTest
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.tilt import TiltAxis, tilt_of_one
 from bench.metrology.tilt_findings import TiltOrigin, span_finding
 
@@ -37,29 +37,17 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
     solved = solve_dwells(data, unit)
-    known = None if unit.released is None else _own_channel(unit.released, unit)
+    known = None if unit.released is None else unit.released.of_output(unit.output_unit)
     if unit.released is None or known is None:
         return UnitResult(unit.place, unit.serial, (), (), ("calibration",), (Flag("not_given", of="calibration"),))
     of = TumbleUnit.of(data, unit, solved.dwells)
-    left = Left(of, known, _local_g(unit.released, data), solved.extra, settings["scale_per_c_u"])
+    left = Left(of, known, unit.released.local_g(data.bench.gravity_mps2), solved.extra, settings["scale_per_c_u"])
     flags = list(solved.flags)
     flags += [Flag("calibration:extrapolated")] if solved.dwells and left.is_extrapolated else []
     return UnitResult(
         place=unit.place, uut=unit.serial, findings=tuple(left.findings()) if solved.dwells else (), models=(),
         left_out=solved.left_out, flags=tuple(dict.fromkeys(flags)),
     )  # fmt: skip
-
-
-def _own_channel(released: ReleasedCalibration, unit: UnitUnderTest) -> Compensation | None:
-    """Conversion of the output of a unit with one channel, wherever it was calibrated; None for another output."""
-    found = [each for each in released.channels.values() if each.output_unit == unit.output_unit]
-    return found[0] if len(found) == 1 and found[0].value_unit == "g" else None
-
-
-def _local_g(released: ReleasedCalibration, data: RunData) -> float:
-    """Local gravity in the g of the calibration."""
-    stated = released.gravity_mps2
-    return data.bench.gravity_mps2 / stated if np.isfinite(stated) and stated else 1.0
 
 
 @dataclass(frozen=True)
