@@ -15,6 +15,8 @@ from bench.methods.ramp.reduction.samples import RampLeg
 from bench.metrology.calibration.temperature import Compensation, values_of
 from bench.metrology.least_squares import Array, NotDetermined, fit_polynomial
 
+PULSES_U = 1 / np.sqrt(6)  # standard deviation of the difference of two fractions of a pulse
+
 
 def _none(at_s: Array, _at_c: Array) -> Array:
     return np.zeros(len(at_s))
@@ -45,13 +47,15 @@ class LeftErrors:
 class PartOfRamp:
     """Samples of the legs at one angle that are used: those without a turn-round, where dT/dt is known.
 
-    `legs` have the output in its unit, `rates_c_per_s` dT/dt (n,) of each; `excluded` counts broken readings of the
+    `legs` have the output in its unit, `rates_c_per_s` dT/dt (n,) of each; `resolution_u` is the standard uncertainty of
+    a counted output by the fractions of a pulse at both ends of a sample. `excluded` counts broken readings of the
     thermometer.
     """
 
     angle_rad: float
     legs: tuple[Leg, ...]
     rates_c_per_s: tuple[Array, ...]
+    resolution_u: float
     excluded: int
 
     @classmethod
@@ -70,9 +74,11 @@ class PartOfRamp:
             (_rows(leg, np.isfinite(rate)), rate[np.isfinite(rate)]) for leg, rate in zip(whole, rates, strict=True)
         ]
         used = [pair for pair in pairs if len(pair[1])]
+        resolution_u = max(PULSES_U / float(np.median(leg.seconds)) if leg.counted else 0.0 for leg in legs)
         return cls(
-            legs[0].angle_rad, tuple(leg for leg, _ in used), tuple(rate for _, rate in used), excluded["thermometer"]
-        )
+            legs[0].angle_rad, tuple(leg for leg, _ in used), tuple(rate for _, rate in used), resolution_u,
+            excluded["thermometer"],
+        )  # fmt: skip
 
 
 def _rows(leg: Leg, rows: Array) -> Leg:
@@ -109,6 +115,11 @@ class LeftOnRamp:
     def lifted_g(self) -> float:
         """Change of gravity along the input axis from the 0 g part to the 1 g part."""
         return float(np.sin(self.upright.angle_rad) - np.sin(self.level.angle_rad))
+
+    def resolution_g(self, part: PartOfRamp) -> float:
+        """Standard uncertainty of a converted output by the resolution of the count."""
+        middle_c = np.array([float(np.median(np.concatenate([leg.temperature_c for leg in part.legs])))])
+        return part.resolution_u / float(np.abs(values_of(self.known.scale, middle_c)[0]))
 
     @cached_property
     def is_extrapolated(self) -> bool:

@@ -144,7 +144,7 @@ class VerificationOnRamp:
         bench, quantity = self.data.bench, "K0/left_mean"
         level = abs(math.cos(self.of.level.angle_rad))
         head, values = bench.head, np.concatenate(self.left.static)
-        sd_g = self._sd(self.left.static)
+        sd_g = self._sd(self.left.static, self.of.level)
         lines = [
             *self._common(quantity, changes),
             common("head: zero", math.radians(head.zero_u_deg) * level),
@@ -161,18 +161,20 @@ class VerificationOnRamp:
         self, quantity: str, name: str, left: Sequence[Array], unit: str,
         changes: Mapping[BudgetLine, tuple[Mapping[str, float], ...]],
     ) -> Finding:  # fmt: skip
-        mean, sd = float(np.mean(np.concatenate(left))), self._sd(left)
+        part = self.of.upright if quantity.startswith("K1") else self.of.level
+        mean, sd = float(np.mean(np.concatenate(left))), self._sd(left, part)
         about = [values - mean for values in left]
         largest = largest_of(about, [np.full(len(values), sd) for values in about])
         lines = self._common(quantity, changes)
         if quantity.startswith("K1"):
-            u = math.sqrt(max(self.left.bias_left**2 - self._sd(self.left.static) ** 2, 0.0)) / abs(self.of.lifted_g)
+            u = math.sqrt(max(self.left.bias_left**2 - self._sd(self.left.static, self.of.level) ** 2, 0.0)) / abs(
+                self.of.lifted_g
+            )
             lines.append(BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", u))
         interval = largest.interval.beside(math.hypot(*(line.u for line in lines)))
-        legs = (self.of.upright if quantity.startswith("K1") else self.of.level).legs
         worst = max(range(len(about)), key=lambda index: float(np.max(np.abs(about[index]), initial=0.0)))
-        at_c = legs[worst].temperature_c[int(np.argmax(np.abs(about[worst])))]
-        at = {"cycle": legs[worst].cycle, "leg": legs[worst].name, "at_c": float(at_c)}
+        at_c = part.legs[worst].temperature_c[int(np.argmax(np.abs(about[worst])))]
+        at = {"cycle": part.legs[worst].cycle, "leg": part.legs[worst].name, "at_c": float(at_c)}
         return self._subject.finding(
             quantity, name, largest.value, unit, [*largest.lines, *lines, BudgetLine(LAG, "alias", 0.0)], at,
             self._steps(quantity), interval=interval,
@@ -181,13 +183,17 @@ class VerificationOnRamp:
     def _span(
         self, quantity: str, left: Sequence[Array], changes: Mapping[BudgetLine, tuple[Mapping[str, float], ...]]
     ) -> Iterator[Finding]:
-        origin = TiltOrigin(self._subject, self._steps(quantity), self._sd(left), None)
+        origin = TiltOrigin(self._subject, self._steps(quantity), self._sd(left, self.of.level), None)
         return span_finding(quantity, np.concatenate(left), origin, LAG, self._common(quantity, changes))
 
-    def _sd(self, records: Sequence[Array]) -> float:
-        """Standard deviation of a sample about a smooth curve."""
+    def _sd(self, records: Sequence[Array], part: PartOfRamp) -> float:
+        """Standard deviation of a sample about a smooth curve.
+
+        Second differences of a count whose rate is close to a whole number of pulses in a sample show no scatter.
+        """
         found = scatter_sd(records, COUNT_STRIDE)
-        return found if math.isfinite(found) else float(np.std(np.concatenate(records)))
+        own = found if math.isfinite(found) else float(np.std(np.concatenate(records)))
+        return max(own, self.of.resolution_g(part))
 
 
 def _figures(left: Left) -> dict[str, float]:
