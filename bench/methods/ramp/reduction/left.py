@@ -47,8 +47,8 @@ class LeftErrors:
 class PartOfRamp:
     """Samples of the legs at one angle that are used: those without a turn-round, where dT/dt is known.
 
-    `legs` have the output in its unit, `rates_c_per_s` dT/dt (n,) of each; `resolution_u` is the standard uncertainty of
-    a counted output by the fractions of a pulse at both ends of a sample. `excluded` counts broken readings of the
+    `legs` have the output in its unit, `rates_c_per_s` dT/dt (n,) of each; `resolution_u` is the standard uncertainty
+    of a counted output by the fractions of a pulse at both ends of a sample. `excluded` counts broken readings of the
     thermometer.
     """
 
