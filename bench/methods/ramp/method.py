@@ -77,6 +77,11 @@ VERIFICATION_UNITS: Units = {
     "tilt/uncompensated": "°",
     "tilt/verified": "°",
     "tilt/verified_dynamic": "°",
+    "tilt_of_two/uncompensated": "°",
+    "tilt_of_two/verified": "°",
+    "tilt_of_two/verified_dynamic": "°",
+    "tilt_of_two/left_largest": "°",
+    "tilt_of_two/left_largest_dynamic": "°",
 }
 VERIFY_ON_RAMP = MethodDescription(
     name="verify_on_ramp",

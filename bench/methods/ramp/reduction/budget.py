@@ -17,7 +17,7 @@ import numpy as np
 from bench.methods.ramp.reduction.characteristic import UG_PER_G, Differences
 from bench.methods.ramp.reduction.reduced import ReducedRamp
 from bench.methods.ramp.reduction.samples import RampLeg
-from bench.methods.ramp.reduction.scatter import SlopeScatter, slope_scatter, sum_scatter
+from bench.methods.ramp.reduction.scatter import COUNT_STRIDE, SlopeScatter, slope_scatter, sum_scatter
 from bench.metrology.extremes import scatter_sd
 from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine, common
@@ -29,7 +29,6 @@ SCATTER = "samples: scatter"
 COUNTING = "counting"  # the kind of the line of the resolution of the count
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 LEVEL = "fixture: level"
-COUNT_STRIDE = 2  # neighbours share a latch, and therefore the counting error
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,11 @@ from bench.methods.ramp.reduction.characteristic import rates_of
 from bench.methods.ramp.reduction.legs import Leg, RampRecord, cut_into_legs
 from bench.methods.ramp.reduction.reduced import DEGREE
 from bench.methods.ramp.reduction.samples import RampLeg
+from bench.methods.ramp.reduction.scatter import COUNT_STRIDE
 from bench.metrology.calibration.temperature import Compensation, values_of
+from bench.metrology.extremes import scatter_sd
 from bench.metrology.least_squares import Array, NotDetermined, fit_polynomial
+from bench.metrology.tilt_pair import CONSTANT, DYNAMIC, STATIC
 
 PULSES_U = 1 / np.sqrt(6)  # standard deviation of the difference of two fractions of a pulse
 
@@ -132,6 +135,36 @@ class LeftOnRamp:
         """True if the temperature changed faster than in the run of the dynamic model."""
         dynamic = self.known.dynamic
         return dynamic is not None and any(bool(dynamic.is_beyond(rate).any()) for rate in self.level.rates_c_per_s)
+
+    def scatter_u(self, records: Sequence[Array], part: PartOfRamp) -> float:
+        """Standard deviation of a sample about a smooth curve, from records of what is left on the legs of a part.
+
+        Second differences of a count whose rate is close to a whole number of pulses in a sample show no scatter.
+        """
+        found = scatter_sd(records, COUNT_STRIDE)
+        own = found if np.isfinite(found) else float(np.std(np.concatenate(records)))
+        return max(own, self.resolution_g(part))
+
+    @cached_property
+    def scatter_g(self) -> float:
+        """Standard deviation of a converted output at 0 g."""
+        static = [self._left_g(leg, self.level.angle_rad, LeftErrors()) for leg in self.level.legs]
+        return self.scatter_u(static, self.level)
+
+    def forces_g(self, part: PartOfRamp, index: int, errors: LeftErrors) -> dict[str, Array]:
+        """Specific force (n,) on one leg, in the g of the calibration: by constants, static and dynamic.
+
+        The constants are those of the calibration at the mean temperature of the run.
+        """
+        leg, rate = part.legs[index], part.rates_c_per_s[index]
+        at_c = errors.read_c(leg)
+        mean_c = np.full(len(at_c), np.mean(np.concatenate([each.temperature_c for each in self.level.legs])))
+        static = self.known.apply(leg.output_g, at_c)[0]
+        return {
+            CONSTANT: self.known.apply(leg.output_g, mean_c)[0],
+            STATIC: static,
+            DYNAMIC: static - self.known.dynamic_less_static(at_c, rate),
+        }
 
     def left(self, errors: LeftErrors) -> Left:
         """What is left with errors added to the readings; NotDetermined if the legs have no direction in common."""

@@ -27,6 +27,7 @@ from bench.metrology.gate_scatter import (
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, fit_polynomial
 
+COUNT_STRIDE = 2  # neighbours share a latch, and therefore the counting error
 TURN_SHARE = 0.2  # share of a leg left out: the ramp has just turned, or begun from rest
 
 

@@ -10,42 +10,53 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from bench.methods.ramp.reduction.budget import COUNT_STRIDE
 from bench.methods.ramp.reduction.left import Left, LeftErrors, LeftOnRamp, PartOfRamp
+from bench.methods.ramp.reduction.pair import tilt_on_ramp
 from bench.methods.ramp.reduction.run import parts_of
-from bench.metrology.extremes import scatter_sd
+from bench.metrology.common_errors import level_drift, thermometer_errors
 from bench.metrology.largest import largest_of
 from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.results.finding import Finding, Subject, UnitResult
 from bench.metrology.results.flag import Flag, samples_left_out
 from bench.metrology.run_data import RunData, UnitUnderTest
-from bench.metrology.thermometer_drift import DriftInRun, source_of
 from bench.metrology.tilt_findings import TiltOrigin, span_finding
+from bench.metrology.tilt_pair import with_pair
 
-LEVEL = "fixture: level"
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 MISALIGNMENT = "misalignment: contained"
 OF_DYNAMIC = "_dynamic"
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Reduce a run to what the released calibration of every unit leaves on its legs at 0 g and at 1 g."""
-    return [_reduced(data, unit, settings) for unit in data.units]
+    """Reduce a run to what the released calibration of every unit leaves on its legs at 0 g and at 1 g.
+
+    Results of a pair that measures a tilt together are among those of its first unit.
+    """
+    reduced = [_reduced(data, unit, settings) for unit in data.units]
+    places = {unit.place: (unit, of) for unit, (_, of) in zip(data.units, reduced, strict=True)}
+    results = [result for result, _ in reduced]
+    for pair in data.bench.tilt_pairs:
+        results = [
+            with_pair(result, pair, places, partial(tilt_on_ramp, data, pair)) if result.place == pair.along else result
+            for result in results
+        ]
+    return results
 
 
-def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> tuple[UnitResult, LeftOnRamp | None]:
     level, upright, left_out, flags = parts_of(data, unit, settings["sample_s"])
     released = unit.released
     known = None if released is None else released.of_output(unit.output_unit)
     if released is None or known is None:
         flags.append(Flag("not_given", of="calibration"))
     if released is None or known is None or not level or not upright:
-        return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags))
+        return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags)), None
     at_0g, at_1g = PartOfRamp.of(level), PartOfRamp.of(upright)
     if count := at_0g.excluded + at_1g.excluded:
         flags.append(samples_left_out("thermometer", count))
@@ -54,7 +65,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         left = of.left(LeftErrors())
     except (NotDetermined, ValueError):
         flags.append(Flag("ill_conditioned", of="K0"))
-        return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags))
+        return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags)), None
     flags += [Flag("calibration:no_dynamic_model")] if known.dynamic is None else []
     flags += [Flag("calibration:samples_extrapolated")] if of.is_extrapolated else []
     flags += [Flag("calibration:faster")] if of.is_faster else []
@@ -62,7 +73,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     findings = VerificationOnRamp(data, unit, of, left, steps).findings()
     return UnitResult(
         unit.place, unit.serial, tuple(findings), (), left_out, tuple(dict.fromkeys(flags)), detail=LeftCurves(of, left)
-    )
+    ), of
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,21 +123,9 @@ class VerificationOnRamp:
 
     def _changes(self) -> Iterator[tuple[BudgetLine, tuple[Mapping[str, float], ...]]]:
         """Sources of uncertainty, and the figures with each error added and subtracted."""
-        bench, reading = self.data.bench, self.unit.temperature
-        offset_c, gain = bench.thermometer_u(reading)
-        drift = DriftInRun(self.data, reading)
-        drift_rad = math.radians(bench.level_drift.u)
-        sources = {
-            BudgetLine(f"{reading}: offset", "B", 0.0, None, reading): LeftErrors(
-                lambda at_s, _: np.full(len(at_s), offset_c)
-            ),
-            BudgetLine(f"{reading}: gain", "B", 0.0, None, reading): LeftErrors(lambda _, at_c: at_c * gain),
-            drift.line(0.0): LeftErrors(lambda at_s, _: drift.error_c(at_s)),
-            common(source_of(LEVEL, bench.level_drift), 0.0): LeftErrors(
-                level_rad=lambda at_s, _: self.data.run_share(at_s) * drift_rad
-            ),
-        }  # fmt: skip
-        for line, errors in sources.items():
+        sources = [(line, LeftErrors(error)) for line, error in thermometer_errors(self.data, self.unit.temperature)]
+        tilted, level_rad = level_drift(self.data)
+        for line, errors in [*sources, (tilted, LeftErrors(level_rad=lambda at_s, _: level_rad(at_s)))]:
             yield line, tuple(_figures(self.of.left(errors.times(sign))) for sign in (1.0, -1.0))
 
     def _common(self, quantity: str, changes: Mapping[BudgetLine, tuple[Mapping[str, float], ...]]) -> list[BudgetLine]:
@@ -144,7 +143,7 @@ class VerificationOnRamp:
         bench, quantity = self.data.bench, "K0/left_mean"
         level = abs(math.cos(self.of.level.angle_rad))
         head, values = bench.head, np.concatenate(self.left.static)
-        sd_g = self._sd(self.left.static, self.of.level)
+        sd_g = self.of.scatter_u(self.left.static, self.of.level)
         lines = [
             *self._common(quantity, changes),
             common("head: zero", math.radians(head.zero_u_deg) * level),
@@ -162,14 +161,14 @@ class VerificationOnRamp:
         changes: Mapping[BudgetLine, tuple[Mapping[str, float], ...]],
     ) -> Finding:  # fmt: skip
         part = self.of.upright if quantity.startswith("K1") else self.of.level
-        mean, sd = float(np.mean(np.concatenate(left))), self._sd(left, part)
+        mean, sd = float(np.mean(np.concatenate(left))), self.of.scatter_u(left, part)
         about = [values - mean for values in left]
         largest = largest_of(about, [np.full(len(values), sd) for values in about])
         lines = self._common(quantity, changes)
         if quantity.startswith("K1"):
-            u = math.sqrt(max(self.left.bias_left**2 - self._sd(self.left.static, self.of.level) ** 2, 0.0)) / abs(
-                self.of.lifted_g
-            )
+            u = math.sqrt(
+                max(self.left.bias_left**2 - self.of.scatter_u(self.left.static, self.of.level) ** 2, 0.0)
+            ) / abs(self.of.lifted_g)
             lines.append(BudgetLine("bias: its change between the 0 g part and the 1 g part", "B", u))
         interval = largest.interval.beside(math.hypot(*(line.u for line in lines)))
         worst = max(range(len(about)), key=lambda index: float(np.max(np.abs(about[index]), initial=0.0)))
@@ -183,17 +182,8 @@ class VerificationOnRamp:
     def _span(
         self, quantity: str, left: Sequence[Array], changes: Mapping[BudgetLine, tuple[Mapping[str, float], ...]]
     ) -> Iterator[Finding]:
-        origin = TiltOrigin(self._subject, self._steps(quantity), self._sd(left, self.of.level), None)
+        origin = TiltOrigin(self._subject, self._steps(quantity), self.of.scatter_u(left, self.of.level), None)
         return span_finding(quantity, np.concatenate(left), origin, LAG, self._common(quantity, changes))
-
-    def _sd(self, records: Sequence[Array], part: PartOfRamp) -> float:
-        """Standard deviation of a sample about a smooth curve.
-
-        Second differences of a count whose rate is close to a whole number of pulses in a sample show no scatter.
-        """
-        found = scatter_sd(records, COUNT_STRIDE)
-        own = found if math.isfinite(found) else float(np.std(np.concatenate(records)))
-        return max(own, self.of.resolution_g(part))
 
 
 def _figures(left: Left) -> dict[str, float]:
