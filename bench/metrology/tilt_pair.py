@@ -57,7 +57,7 @@ class TiltOfTwo:
 
     `changed` are readings with the error of a source of uncertainty added, several for one source with independent
     errors. `own_u_g` are the standard uncertainties (n,) of both forces by errors of their own, `turned_u_rad` that of
-    each angle.
+    each angle. `skew` is the finding that the skew of the pair is from, if the run determines it.
     """
 
     subject: Subject
@@ -68,6 +68,7 @@ class TiltOfTwo:
     changed: Sequence[tuple[BudgetLine, PairReadings]]
     own_u_g: tuple[Array, Array]
     turned_u_rad: Array
+    skew: Finding | None = None
 
     def findings(self) -> Iterator[Finding]:
         """Spans at one position by each way of conversion, then the largest errors over all positions."""
@@ -75,6 +76,8 @@ class TiltOfTwo:
             yield self._span(way)
         for way in (way for way in self.readings.along_g if way in LARGEST):
             yield self._largest(way)
+        if self.skew is not None:
+            yield self.skew
 
     def error_deg(self, way: str, readings: PairReadings, skew_rad: float) -> Array:
         """Indicated tilt less that of the head (n,)."""

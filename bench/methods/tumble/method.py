@@ -104,6 +104,10 @@ VERIFICATION_UNITS: Units = {
     "K1/left_largest": ("1", "ppm"),
     "tilt/left_largest": "°",
     "tilt/verified": "°",
+    "tilt_of_two/uncompensated": "°",
+    "tilt_of_two/verified": "°",
+    "tilt_of_two/left_largest": "°",
+    "tilt_of_two/skew": ("rad", "µrad"),
 }
 VERIFY_COMPENSATION = MethodDescription(
     name="verify_compensation",
