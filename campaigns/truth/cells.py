@@ -32,6 +32,7 @@ from campaigns.truth import (
     repeatability,
     table,
     verified,
+    verified_pair,
 )
 from campaigns.truth.altered import alter_file
 from campaigns.truth.campaign import ROOT, Comparison, full_bench, results_of, run_one
@@ -72,6 +73,7 @@ class Method:
     on_bench: str = ""  # the unit that the bench file names, in place of which it is
     compare_with: Callable[[dict, dict, dict], Iterable[Comparison]] | None = None
     calibrated_by: str = ""
+    units: tuple[str, ...] = ()  # by place, of a bench with several
 
     @property
     def at_records(self) -> bool:
@@ -105,6 +107,14 @@ METHODS = {
                compare_with=verified.compare_tumble, calibrated_by="tumble_static"),
         Method("M4b verified", "verify_on_ramp", "simulated", "quartz_flexure", ACCELEROMETERS, None,
                ("low=-20 °C", "high=50 °C"), compare_with=verified.compare_ramp, calibrated_by="ramp_dynamic"),
+        Method("M4a pair", "verify_compensation", "three_units", "quartz_flexure", ("as shipped", "hysteresis"), None,
+               compare_with=verified_pair.compare_tumble, calibrated_by="tumble_static", units=("a=UA", "b=UB")),
+        Method("M4b pair", "verify_on_ramp", "three_units", "quartz_flexure", ("as shipped", "hysteresis"), None,
+               ("low=-20 °C", "high=50 °C"), compare_with=verified_pair.compare_ramp, calibrated_by="tumble_static",
+               units=("a=UA", "b=UB")),
+        Method("M4b pair dynamic", "verify_on_ramp", "three_units", "quartz_flexure", ("as shipped", "hysteresis"), None,
+               ("low=-20 °C", "high=50 °C"), compare_with=verified_pair.compare_ramp, calibrated_by="ramp_dynamic",
+               units=("a=UA", "b=UB")),
         Method("M4d", "threshold_resolution", "simulated", "dead_band", ACCELEROMETERS, ladder.compared,
                on_bench="quartz_flexure"),
         Method("repeatability", "repeatability", "simulated", "quartz_flexure", ACCELEROMETERS, repeatability.compared,
@@ -158,17 +168,20 @@ class Cell:
         bench, stated = config / f"{method.bench}.yaml", config / "sequence.yaml"
         if not bench.exists():
             self._prepare(method, bench, stated)
-        calibration = method.calibration if not method.calibrated_by else self.calibration(folder)
-        given = () if calibration is None else (str(calibration),)
+        given = () if method.calibration is None else (str(method.calibration),)
+        given += tuple(f"{place}={file}" for place, file in self.calibrations(folder).items())
         return RunRequest(
             str(stated) if stated.exists() else method.sequence, bench=str(bench), preset=method.preset, seed=seed,
-            settings=method.settings, runs=folder / self.name / "runs", calibrations=given,
+            settings=method.settings, runs=folder / self.name / "runs", calibrations=given, units=method.units,
         )  # fmt: skip
 
-    def calibration(self, folder: Path) -> Path:
-        """The calibration that it verifies, of the same unit on the same bench, with other errors."""
+    def calibrations(self, folder: Path) -> dict[str, Path]:
+        """The calibrations that it verifies by place, of the same units on the same bench, with other errors."""
         method, config = METHODS[self.method], folder / self.name / "config"
-        return verified.calibrate(method.calibrated_by, config / f"{method.bench}.yaml", folder / self.name)
+        if not method.calibrated_by:
+            return {}
+        bench = config / f"{method.bench}.yaml"
+        return verified.calibrate(method.calibrated_by, bench, folder / self.name, method.units)
 
     def _prepare(self, method: Method, bench: Path, stated: Path) -> None:
         units = bench.parent / "uut"
@@ -179,7 +192,7 @@ class Cell:
             ladder.draw_dead_band(unit)
         if method.name == "repeatability":
             repeatability.scatter(bench, unit)
-        if method.name in ("M4b", "M4b verified"):
+        if method.name in ("M4b", "M4b verified") or method.units:
             ramp.draw_misalignments(bench.parent)
         alter_file(unit, self.kind)
         if self.kind == "negative scale":
@@ -315,7 +328,8 @@ def _of_records(cell: Cell, folder: Path, template: Template, seed: int) -> list
     bench = load_bench(Path(str(cell.request(folder, seed).bench))).bench
     run = replayed(template, bench, seed, form=cell.form)
     method = METHODS[cell.method]
-    known = json.loads(cell.calibration(folder).read_text("utf-8")) if method.calibrated_by else None
+    files = cell.calibrations(folder)
+    known = {place: json.loads(file.read_text("utf-8")) for place, file in files.items()}
     return method.found(run.truth, run.results, known)
 
 

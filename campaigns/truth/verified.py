@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +19,14 @@ ENDS = 10  # samples at either end of a leg at which dT/dt is not known
 EVERY_S = 10.0
 
 
-def calibrate(sequence: str, bench: Path, folder: Path, seed: int = 1, place: str = "a") -> Path:
-    """Calibration file of a run on a bench, made once for a folder."""
-    kept = folder / f"calibrated_{place}.json"
+def calibrate(sequence: str, bench: Path, folder: Path, units: Sequence[str] = (), seed: int = 1) -> dict[str, Path]:
+    """Calibration files by place of a run on a bench with units in these places, made once for a folder."""
+    kept = folder / "calibrated"
     if not kept.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        path = run_one(RunRequest(sequence, bench=str(bench), preset="quick", seed=seed, runs=folder / "calibrations"))
-        for file in path.glob("calibration_*.json"):
-            (folder / f"calibrated_{file.stem.rpartition('_')[2]}.json").write_text(file.read_text("utf-8"), "utf-8")
-    return kept
+        made = folder / "calibrations"
+        path = run_one(RunRequest(sequence, bench=str(bench), preset="quick", seed=seed, runs=made, units=tuple(units)))
+        shutil.copytree(path, kept)
+    return {file.stem.rpartition("_")[2]: file for file in sorted(kept.glob("calibration_*.json"))}
 
 
 def value(curve: dict, at_c: np.ndarray) -> np.ndarray:
@@ -36,7 +36,7 @@ def value(curve: dict, at_c: np.ndarray) -> np.ndarray:
 
 def compare_tumble(truth: dict, results: dict, known: dict) -> list[Comparison]:
     """What a calibration leaves at the dwells of a tumble, and the largest."""
-    (channel,) = known["channels"]
+    (channel,) = known["a"]["channels"]
     found, true = results["findings"], {"K0/left": [], "K1/left": []}
     comparisons = []
     for each in (each for each in found if each["quantity"] in true):
@@ -59,7 +59,7 @@ def compare_tumble(truth: dict, results: dict, known: dict) -> list[Comparison]:
 
 def compare_ramp(truth: dict, results: dict, known: dict) -> list[Comparison]:
     """What it leaves on the legs of a ramp, with dT/dt as the difference over 20 samples."""
-    (channel,) = known["channels"]
+    (channel,) = known["a"]["channels"]
     true = figures_on_ramp(truth["legs"], channel)
     return [
         Comparison.of(truth["seed"], each, true[each["quantity"]])
@@ -112,6 +112,7 @@ def _left(legs: dict, channel: dict, position: int) -> Iterator[dict[str, np.nda
         }  # fmt: skip
 
 
-def known_of(folder: Path, place: str = "a") -> dict:
-    """The calibration that a run was given."""
-    return json.loads((folder / f"released_{place}.json").read_text("utf-8"))
+def known_of(folder: Path) -> dict[str, dict]:
+    """The calibrations that a run was given, by place."""
+    files = folder.glob("released_*.json")
+    return {file.stem.rpartition("_")[2]: json.loads(file.read_text("utf-8")) for file in files}
