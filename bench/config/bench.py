@@ -95,19 +95,16 @@ def _tilt_pairs(bench: BenchFile) -> Iterator[Problem]:
         along, across = bench.places[pair.along], bench.places[pair.across]
         for key, place in (("along", along), ("across", across)):
             if place.kind != "channel":
-                problem = f"place '{getattr(pair, key)}' is for an inertial unit"
-                yield (*where, key), f"{problem}; a pair has two places for units with one channel"
+                name = getattr(pair, key)
+                yield (*where, key), f"place '{name}' is for an inertial unit; a pair has two units with one channel"
         if pair.along in [other.along for other in bench.fixture.tilt_pairs[:index]]:
             yield (*where, "along"), f"place '{pair.along}' is that of another pair already"
         apart_deg = (across.mount_angle - along.mount_angle) % 360
         if abs(apart_deg - 90) > SQUARE_WITHIN_DEG:
-            advice = (
-                "exchange along and across" if abs(apart_deg - 270) < SQUARE_WITHIN_DEG else "see their mount_angle"
-            )
             yield (
                 (*where, "across"),
                 f"place '{pair.across}' is at {apart_deg:g}° from '{pair.along}' in the fixture, expected 90°, so that "
-                f"its input axis is up when the other is level; {advice}",
+                "its input axis is up when the other is level; see their mount_angle, and whether they are exchanged",
             )
 
 

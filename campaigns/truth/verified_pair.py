@@ -1,6 +1,6 @@
 """Tilt by two accelerometers with calibrations of earlier runs, worked out anew from what both really put out.
 
-The first is in place a, the second in place b, 90° ahead of it. What their calibrations leave is with the skew that their
+The first is in place a, the second in place b, 90° ahead of it. What is left is with the skew that their
 axes really have.
 """
 

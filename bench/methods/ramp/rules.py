@@ -18,7 +18,6 @@ from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.stimulus import Move
 
 METHOD, VERIFICATION = "temperature_ramp", "verify_on_ramp"
-LACKING = {METHOD: "K0/repeatability is not found", VERIFICATION: "both would be one leg"}
 LEVEL_BELOW_G = 0.5  # as in the reduction: legs with less gravity along the input axis are the 0 g part
 SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 
@@ -68,7 +67,9 @@ def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
         if again := list(unnumbered(visits, "cycle")):
             yield (
                 (*place, "data"),
-                f"{again[0]} repeats a leg of '{entry.data}' outside a loop 'cycle': {LACKING[entry.method]}",
+                f"{again[0]} repeats a leg of '{entry.data}' outside a loop 'cycle': K0/repeatability is not found"
+                if entry.method == METHOD
+                else f"{again[0]} repeats a leg of '{entry.data}' outside a loop 'cycle': both would be one leg",
                 "Put the cycles in a loop: for_each: cycle, in: {from: 1, to: 2}",
             )
 
