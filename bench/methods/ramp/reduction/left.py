@@ -77,11 +77,17 @@ class PartOfRamp:
             (_rows(leg, np.isfinite(rate)), rate[np.isfinite(rate)]) for leg, rate in zip(whole, rates, strict=True)
         ]
         used = [pair for pair in pairs if len(pair[1])]
-        resolution_u = max(PULSES_U / float(np.median(leg.seconds)) if leg.counted else 0.0 for leg in legs)
+        resolution_u = max(_resolution_u(leg) for leg in legs)
         return cls(
             legs[0].angle_rad, tuple(leg for leg, _ in used), tuple(rate for _, rate in used), resolution_u,
             excluded["thermometer"],
         )  # fmt: skip
+
+
+def _resolution_u(leg: RampLeg) -> float:
+    """Standard uncertainty of a rate by the fractions of a pulse; 0 for an output that is not counted."""
+    seconds = leg.seconds[leg.seconds > 0]
+    return PULSES_U / float(np.median(seconds)) if leg.counted and len(seconds) else 0.0
 
 
 def _rows(leg: Leg, rows: Array) -> Leg:
@@ -192,6 +198,8 @@ class LeftOnRamp:
 
         The bias at a temperature is that of the legs at 0 g in the same direction.
         """
+        if not self.level.legs or not self.upright.legs:
+            raise NotDetermined(["K0"], rank=0, of=1, condition=np.inf)
         at_rest = {}
         for name in {leg.name for leg in self.level.legs}:
             pairs = [(leg, left) for leg, left in zip(self.level.legs, static, strict=True) if leg.name == name]

@@ -63,7 +63,7 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
     of = LeftOnRamp(at_0g, at_1g, known, released.local_g(data.bench.gravity_mps2))
     try:
         left = of.left(LeftErrors())
-    except (NotDetermined, ValueError):
+    except NotDetermined:
         flags.append(Flag("ill_conditioned", of="K0"))
         return UnitResult(unit.place, unit.serial, (), (), left_out, tuple(flags)), None
     flags += [Flag("calibration:no_dynamic_model")] if known.dynamic is None else []
