@@ -104,12 +104,19 @@ def _forces(
 def _of_one(
     unit: TumbleUnit, known: Compensation, chosen: list[tuple[int, Array]], error: OverTemperature | None
 ) -> dict[str, Array]:
+    """Forces of one unit (n,) at the temperatures that its thermometer states, which may have an error.
+
+    So the forces by constants are also those of the unit at the stated temperatures.
+    """
     readings = np.array([np.mean(unit.dwells[dwell].readings[indices]) for dwell, indices in chosen])
     at_c = np.array([unit.dwells[dwell].temperature_c for dwell, _ in chosen])
     mean_c = np.full(len(at_c), np.mean(unit.temperatures_c))
-    if error is not None:
-        at_c = at_c + error(np.array([unit.dwells[dwell].middle_s for dwell, _ in chosen]), at_c)
-    return {CONSTANT: known.apply(readings, mean_c)[0], STATIC: known.apply(readings, at_c)[0]}
+    constant, static = known.apply(readings, mean_c)[0], known.apply(readings, at_c)[0]
+    if error is None:
+        return {CONSTANT: constant, STATIC: static}
+    read_c = at_c + error(np.array([unit.dwells[dwell].middle_s for dwell, _ in chosen]), at_c)
+    moved = known.apply(readings, read_c)[0]
+    return {CONSTANT: constant + moved - static, STATIC: moved}
 
 
 def skew_between(pair: TiltPairRecord, along: TumbleUnit, across: TumbleUnit) -> Finding | None:

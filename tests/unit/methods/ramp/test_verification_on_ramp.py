@@ -7,6 +7,8 @@ import pytest
 
 from bench.methods.ramp.method import VERIFY_ON_RAMP
 from bench.methods.ramp.reduction import verification
+from bench.methods.ramp.reduction.left import LeftOnRamp, PartOfRamp
+from bench.methods.ramp.reduction.run import parts_of
 from bench.metrology.bench_uncertainty import TiltPairRecord
 from bench.metrology.calibration.dynamic import DynamicBias
 from bench.metrology.results.curves import Constant
@@ -15,6 +17,7 @@ from tests.support.flags import texts
 from tests.unit.methods.ramp.test_temperature_ramp import (
     BENCH,
     HIGH_C,
+    K1,
     LEG_S,
     LOW_C,
     UNIT,
@@ -124,6 +127,20 @@ def test_a_calibration_in_another_local_g_leaves_nothing_more(of_lagging):
     same = found(verified(run(lagging), of_lagging))
     assert findings["K0/left_mean"].value == pytest.approx(same["K0/left_mean"].value, abs=2e-6)
     assert findings["K1/left_largest"].value == pytest.approx(same["K1/left_largest"].value, abs=5e-6)
+
+
+def test_a_count_that_hides_its_scatter_has_that_of_its_resolution(of_lagging):
+    parts = [PartOfRamp.of(legs) for legs in _legs_of_a_run()]
+    of = LeftOnRamp(*parts, of_lagging, 1.0)
+    resolution_g = 1 / np.sqrt(6) / 10 / K1
+    assert of.scatter_u([np.zeros(50)], of.level) == pytest.approx(resolution_g, rel=2e-3)
+    wide = 1e-4 * np.random.default_rng(1).standard_normal(200)
+    assert of.scatter_u([wide], of.level) == pytest.approx(1e-4, rel=0.3)
+
+
+def _legs_of_a_run():
+    level, upright, _, _ = parts_of(RunData("ramp", (UNIT,), tuple(run(lagging)), BENCH), UNIT, 10.0)
+    return level, upright
 
 
 def test_a_drifting_level_is_in_the_budget(of_lagging):
