@@ -12,13 +12,11 @@ from bench.methods.ramp.reduction.characteristic import rates_of
 from bench.methods.ramp.reduction.legs import Leg, RampRecord, cut_into_legs
 from bench.methods.ramp.reduction.reduced import DEGREE
 from bench.methods.ramp.reduction.samples import RampLeg
-from bench.methods.ramp.reduction.scatter import COUNT_STRIDE
+from bench.methods.ramp.reduction.scatter import COUNT_STRIDE, resolution_u, shown_scatter
 from bench.metrology.calibration.temperature import Compensation, values_of
 from bench.metrology.extremes import scatter_sd
 from bench.metrology.least_squares import Array, NotDetermined, fit_polynomial
 from bench.metrology.tilt_pair import CONSTANT, DYNAMIC, STATIC
-
-PULSES_U = 1 / np.sqrt(6)  # standard deviation of the difference of two fractions of a pulse
 
 
 def _none(at_s: Array, _at_c: Array) -> Array:
@@ -77,17 +75,10 @@ class PartOfRamp:
             (_rows(leg, np.isfinite(rate)), rate[np.isfinite(rate)]) for leg, rate in zip(whole, rates, strict=True)
         ]
         used = [pair for pair in pairs if len(pair[1])]
-        resolution_u = max(_resolution_u(leg) for leg in legs)
         return cls(
-            legs[0].angle_rad, tuple(leg for leg, _ in used), tuple(rate for _, rate in used), resolution_u,
+            legs[0].angle_rad, tuple(leg for leg, _ in used), tuple(rate for _, rate in used), resolution_u(legs),
             excluded["thermometer"],
         )  # fmt: skip
-
-
-def _resolution_u(leg: RampLeg) -> float:
-    """Standard uncertainty of a rate by the fractions of a pulse; 0 for an output that is not counted."""
-    seconds = leg.seconds[leg.seconds > 0]
-    return PULSES_U / float(np.median(seconds)) if leg.counted and len(seconds) else 0.0
 
 
 def _rows(leg: Leg, rows: Array) -> Leg:
@@ -143,13 +134,10 @@ class LeftOnRamp:
         return dynamic is not None and any(bool(dynamic.is_beyond(rate).any()) for rate in self.level.rates_c_per_s)
 
     def scatter_u(self, records: Sequence[Array], part: PartOfRamp) -> float:
-        """Standard deviation of a sample about a smooth curve, from records of what is left on the legs of a part.
-
-        Second differences of a count whose rate is close to a whole number of pulses in a sample show no scatter.
-        """
+        """Standard deviation of a sample about a smooth curve, from records of what is left on the legs of a part."""
         found = scatter_sd(records, COUNT_STRIDE)
         own = found if np.isfinite(found) else float(np.std(np.concatenate(records)))
-        return max(own, self.resolution_g(part))
+        return shown_scatter(own, self.resolution_g(part))
 
     @cached_property
     def scatter_g(self) -> float:

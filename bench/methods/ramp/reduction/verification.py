@@ -147,7 +147,7 @@ class VerificationOnRamp:
         lines = [
             *self._common(quantity, changes),
             common("head: zero", math.radians(head.zero_u_deg) * level),
-            BudgetLine("head: harmonics", "B", math.radians(math.hypot(*head.harmonics_u_deg)) * level),
+            common("head: harmonics", math.radians(math.hypot(*head.harmonics_u_deg)) * level),
             BudgetLine("head: repeatability", "B", math.radians(head.repeatability_u_deg) * level),
             bench.level.times(level),
             BudgetLine("samples: scatter", "A", sd_g / math.sqrt(len(values))),
