@@ -13,7 +13,7 @@ other one: it is taken to be between its neighbours.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +30,19 @@ class CountRecord:
     """Readings of counters and thermometer at increasing times, (n,) each.
 
     `net_pulses` (n - 1,) of each channel are those between two readings, positive less negative, NaN if unknown.
-    Between two readings the temperature is their mean.
+    Between two readings the temperature is their mean. `own_c` are the temperatures of channels with a thermometer of
+    their own.
     """
 
     time_s: Array
     temperature_c: Array
     net_pulses: Mapping[str, Array]
+    own_c: Mapping[str, Array] = field(default_factory=dict)
 
-    @property
-    def output_c(self) -> Array:
-        """Temperature (n - 1,) of each output."""
-        return np.asarray((self.temperature_c[1:] + self.temperature_c[:-1]) / 2)
+    def output_c(self, channel: str) -> Array:
+        """Temperature (n - 1,) of each output of a channel."""
+        read_c = self.own_c.get(channel, self.temperature_c)
+        return np.asarray((read_c[1:] + read_c[:-1]) / 2)
 
     def output(self, channel: str) -> Array:
         """Mean output (n - 1,) of a channel in each interval, in pulse/s."""
@@ -63,21 +65,21 @@ class CountRecord:
 class SampleRecord:
     """Samples of outputs at increasing times, and the temperature then, (n,) each; NaN if unknown.
 
-    With `averaged` a sample is the mean over the usual interval before its time, else the output at its time.
+    `own_c` are the temperatures of channels with a thermometer of their own. With `averaged` a sample is the mean over the usual interval before its time, else the output at its time.
     """
 
     time_s: Array
     temperature_c: Array
     samples: Mapping[str, Array]
     averaged: bool
+    own_c: Mapping[str, Array] = field(default_factory=dict)
 
-    @property
-    def output_c(self) -> Array:
-        """Temperature (n,) of each sample: of a mean that in the middle of its time."""
+    def output_c(self, channel: str) -> Array:
+        """Temperature (n,) of each sample of a channel: of a mean that in the middle of its time."""
+        read_c = self.own_c.get(channel, self.temperature_c)
         if not self.averaged:
-            return self.temperature_c
-        before_c = np.concatenate((self.temperature_c[:1], self.temperature_c[:-1]))
-        return np.asarray((before_c + self.temperature_c) / 2)
+            return read_c
+        return np.asarray((np.concatenate((read_c[:1], read_c[:-1])) + read_c) / 2)
 
     def output(self, channel: str) -> Array:
         """Samples (n,) of a channel."""

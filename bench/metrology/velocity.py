@@ -89,7 +89,9 @@ def specific_forces(
 
     `channels` contains the channels of their cross-coupling, and `record` all of them.
     """
-    axes = {name: _Axis.of(known, record.output(name), record.output_c, beyond) for name, known in channels.items()}
+    axes = {
+        name: _Axis.of(known, record.output(name), record.output_c(name), beyond) for name, known in channels.items()
+    }
     forces = {name: axis.uncoupled_g for name, axis in axes.items()}
     for _ in range(ROUNDS):
         forces = {name: axis.force_g(forces[name], forces) for name, axis in axes.items()}

@@ -1,6 +1,7 @@
-"""Record of the counters of a unit in motion: times, one temperature, and the counts of each channel, from a CSV file.
+"""Record of the counters of a unit in motion: times, temperatures, and the counts of each channel, from a CSV file.
 
-A channel `x` is a column `x` of net counts, or two columns `x_pos` and `x_neg`; all are cumulative.
+A channel `x` is a column `x` of net counts, or two columns `x_pos` and `x_neg`; all are cumulative. The temperature is
+a column `T_C`, or `x_T_C` of the sensor of one channel.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from bench.errors import InputError
 from bench.metrology.motion_records import CountRecord
-from bench.offline.motion_series import Series, gaps, marked, read_rows
+from bench.offline.motion_series import TEMPERATURE, Series, gaps, marked, read_rows
 from bench.offline.number_columns import read_header
 
 SIGNS = ("_pos", "_neg")
@@ -27,13 +28,13 @@ def read_counts(path: Path, channels: Sequence[str], counter_bits: int | None, *
     """
     header = read_header(path)
     of_channels = {channel: _columns_of(path, channel, header) for channel in channels}
-    table = read_rows(path, header, [name for each in of_channels.values() for name in each], is_warm=is_warm)
+    table = read_rows(path, header, of_channels, is_warm=is_warm)
     time_s = table.time_s
     pulses = {
         channel: _net_pulses(path, {name: table.columns[name] for name in own}, time_s, counter_bits)
         for channel, own in of_channels.items()
     }
-    return marked(CountRecord(time_s, table.temperature_c, pulses), table.left_out)
+    return marked(CountRecord(time_s, table.temperature_c, pulses, table.own_c), table.left_out)
 
 
 def _columns_of(path: Path, channel: str, header: Sequence[str]) -> tuple[str, ...]:
@@ -43,7 +44,8 @@ def _columns_of(path: Path, channel: str, header: Sequence[str]) -> tuple[str, .
     if channel not in header and set(both) <= set(header):
         return both
     has = f"has both '{channel}' and '{both[0]}'" if channel in header else f"has no column '{channel}'"
-    sent = next((name for name in header if name.startswith(f"{channel}_") and name not in both), None)
+    known = (*both, f"{channel}_{TEMPERATURE}")
+    sent = next((name for name in header if name.startswith(f"{channel}_") and name not in known), None)
     if sent is not None:
         has += f" but '{sent}', and the calibration is of the pulses of the unit"
     raise InputError(

@@ -112,7 +112,7 @@ def converted(calibration: CalibrationFile, name: str, series: Series, wanted: W
         columns += _columns(channel, force, gravity, wanted)
     marks = {"extrapolated": np.concatenate(([False], outside)), "gap": series.gap, "glitch": series.glitch}
     columns += [(name, "%d", mask) for name, mask in marks.items()]
-    remarks = [*_remarks(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
+    remarks = [*remarks_on(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
     return Motion(columns, [f"{name}: {remark}" for remark in remarks])
 
 
@@ -215,7 +215,7 @@ _SAMPLED = (
 )
 
 
-def _remarks(series: Series, extrapolated: NDArray[np.bool_]) -> Iterator[str]:
+def remarks_on(series: Series, extrapolated: NDArray[np.bool_]) -> Iterator[str]:
     """Remarks on rows that were left out or are marked."""
     time_s = series.record.time_s
     if series.left_out:

@@ -49,30 +49,42 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Complete rows of a file (n,): times, temperatures (zeros if none is needed) and columns; others are left out."""
+    """Complete rows of a file (n,): times, temperatures (zeros if none is needed) and columns; others are left out.
+
+    `own_c` are the temperatures of channels with a column of their own.
+    """
 
     time_s: Array
     temperature_c: Array
+    own_c: Mapping[str, Array]
     columns: Mapping[str, Array]
     left_out: int
 
 
-def read_rows(path: Path, header: Sequence[str], wanted: Sequence[str], *, is_warm: bool) -> Rows:
-    """Read the columns `wanted`, which the file has, with times and temperatures. Raises InputError."""
-    names = [TIME, *([TEMPERATURE] if is_warm else []), *wanted]
-    _expect(path, names[: 2 if is_warm else 1], header)
+def read_rows(path: Path, header: Sequence[str], wanted: Mapping[str, Sequence[str]], *, is_warm: bool) -> Rows:
+    """Read the columns `wanted` of each channel, which the file has, with times and temperatures. Raises InputError."""
+    own = {channel: name for channel in wanted if is_warm and (name := f"{channel}_{TEMPERATURE}") in header}
+    warm = [*([TEMPERATURE] if is_warm and len(own) < len(wanted) else []), *own.values()]
+    needed = [TIME, *(name for each in wanted.values() for name in each)]
+    _expect(path, [TIME, *warm], header)
+    names = [*needed, *warm]
     columns = dict(zip(names, read_numbers(path, names).T, strict=True))
-    needed = [name for name in names if name != TEMPERATURE]
     complete = np.all([np.isfinite(columns[name]) for name in needed], axis=0)
     if np.count_nonzero(complete) < 2:
         raise InputError(
             f"{path.name}: has fewer than two rows with {', '.join(needed)}; there is nothing to integrate"
         )
-    temperature_c = _temperature_c(path, columns) if is_warm else np.zeros(len(complete))
+    columns |= {name: _temperature_c(path, columns, name) for name in warm}
     if not complete.all():
-        columns, temperature_c = {name: each[complete] for name, each in columns.items()}, temperature_c[complete]
+        columns = {name: each[complete] for name, each in columns.items()}
     _expect_increasing(path, columns[TIME])
-    return Rows(columns[TIME], temperature_c, columns, int(np.count_nonzero(~complete)))
+    return Rows(
+        time_s=columns[TIME],
+        temperature_c=columns[warm[0]] if warm else np.zeros(len(columns[TIME])),
+        own_c={channel: columns[name] for channel, name in own.items()},
+        columns=columns,
+        left_out=int(np.count_nonzero(~complete)),
+    )
 
 
 def marked(record: Record, left_out: int = 0, steps: Mapping[str, float] | None = None) -> Series:
@@ -121,14 +133,14 @@ def _expect_increasing(path: Path, time_s: Array) -> None:
         )
 
 
-def _temperature_c(path: Path, columns: Mapping[str, Array]) -> Array:
+def _temperature_c(path: Path, columns: Mapping[str, Array], name: str) -> Array:
     """Temperature (n,) of each row, linear in time between those that have a possible one, and constant beyond."""
-    read_c, time_s = columns[TEMPERATURE], columns[TIME]
+    read_c, time_s = columns[name], columns[TIME]
     usable = np.isfinite(time_s) & np.isfinite(read_c) & ~beyond_possible(read_c)
     if not usable.any():
         lowest = np.nanmin(read_c) if np.isfinite(read_c).any() else np.nan
         why = "is blank" if np.isnan(lowest) else f"has {lowest:.6g} and more: is it in kelvin? Write °C"
-        raise InputError(f"{path.name}: column T_C {why}; the calibration depends on the temperature")
+        raise InputError(f"{path.name}: column {name} {why}; the calibration depends on the temperature")
     if usable.all():
         return read_c
     return np.interp(time_s, time_s[usable], read_c[usable])

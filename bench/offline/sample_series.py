@@ -15,7 +15,7 @@ from bench.errors import InputError
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.motion_records import SampleRecord
 from bench.offline.count_series import SIGNS
-from bench.offline.motion_series import Series, marked, read_rows
+from bench.offline.motion_series import TEMPERATURE, Series, marked, read_rows
 from bench.offline.number_columns import read_header
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import QuantityError, parse_unit
@@ -32,14 +32,16 @@ def read_samples(path: Path, channels: Mapping[str, Compensation], *, is_warm: b
     """
     header = read_header(path)
     of_channels = {name: _column_of(path, name, known.output_unit, header) for name, known in channels.items()}
-    table = read_rows(path, header, [column for column, _ in of_channels.values()], is_warm=is_warm)
+    table = read_rows(path, header, {name: [column] for name, (column, _) in of_channels.items()}, is_warm=is_warm)
     samples = {name: table.columns[column] * factor for name, (column, factor) in of_channels.items()}
     for name, values in samples.items():
         if channels[name].output_unit == CODE:
             _expect_whole(path, of_channels[name][0], table.time_s, values)
     forces = [known.force for known in channels.values() if known.force is not None]
     steps = {name: known.force.step for name, known in channels.items() if known.force is not None}
-    record = SampleRecord(table.time_s, table.temperature_c, samples, averaged=forces[0].sample == "mean")
+    record = SampleRecord(
+        table.time_s, table.temperature_c, samples, averaged=forces[0].sample == "mean", own_c=table.own_c
+    )
     return marked(record, table.left_out, steps)
 
 
@@ -51,7 +53,11 @@ def _column_of(path: Path, channel: str, unit: str, header: Sequence[str]) -> tu
             f"{path.name}: line 1: column '{counted[0]}' has counts, and {own}; give the calibration of the counted "
             f"unit, or a column '{channel}' in {unit}"
         )
-    found = [channel] if channel in header else [name for name in header if name.startswith(f"{channel}_")]
+    found = (
+        [channel]
+        if channel in header
+        else [name for name in header if name.startswith(f"{channel}_") and name != f"{channel}_{TEMPERATURE}"]
+    )
     if len(found) != 1:
         has = f"has {' and '.join(found)}" if found else f"has no column '{channel}'{did_you_mean(channel, header)}"
         raise InputError(

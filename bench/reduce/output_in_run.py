@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 
 import numpy as np
@@ -28,7 +28,8 @@ def output_in_run(stored: StoredRun, uut: str, channels: Mapping[str, Compensati
     """Output of the unit `uut` in an acquisition, with its own temperature.
 
     Counts are by the clock of the counter, samples by that of the run. The temperature is that of the converter if it
-    has a thermometer. Raises InputError without such a step or unit, or for an output in another unit.
+    has a thermometer, of an inertial unit else that of each sensor. Raises InputError without such a step or unit, or
+    for an output in another unit.
     """
     labels = dict.fromkeys(label for entry in stored.sequence.results for label in entry.labels)
     for label in labels:
@@ -47,6 +48,15 @@ def output_in_run(stored: StoredRun, uut: str, channels: Mapping[str, Compensati
     raise InputError(f"{stored.folder.name}: {which}. It has {', '.join(steps[:MOST_NAMED])}{more}")
 
 
+def other_thermometers(stored: StoredRun, uut: str, channels: Mapping[str, Compensation]) -> Iterator[str]:
+    """Remarks on channels that a run reads by another thermometer than their calibration."""
+    places = {serial: place for place, serial in stored.serials.items()}
+    read_by = stored.bench.places[places[uut]].at_sensors if uut in places else {}
+    for name, known in channels.items():
+        if known.thermometer and read_by.get(name, known.thermometer) != known.thermometer:
+            yield f"{name} is calibrated over {known.thermometer}; here its temperature is that of {read_by[name]}"
+
+
 def _record(acquisition: Acquisition, unit: UnitUnderTest, channels: Mapping[str, Compensation]) -> Record:
     """Output of all channels. Raises InputError if it is not usable."""
     found = {name: _measured(acquisition, unit, name, known.output_unit) for name, known in channels.items()}
@@ -60,7 +70,7 @@ def _record(acquisition: Acquisition, unit: UnitUnderTest, channels: Mapping[str
         return _sent(acquisition, unit, codes)
     ((name, read),) = ((name, each) for name, each in found.items() if isinstance(each, Voltages))
     _expect_two(acquisition, len(read.at_s), channels)
-    at_c = _temperature_c(acquisition, unit, read.at_s)
+    at_c, _ = _temperatures_c(acquisition, unit, channels, read.at_s)
     return SampleRecord(read.at_s - read.at_s[0], at_c, {name: read.values_v}, averaged=False)
 
 
@@ -98,7 +108,8 @@ def _counted(acquisition: Acquisition, unit: UnitUnderTest, channels: Mapping[st
     seconds = np.asarray(steps_of(first.tick[rows], first.tick_bits) * first.tick_period_s, np.float64)
     pulses = {name: _net_pulses(each, common, seconds) for name, each in channels.items()}
     time_s = np.concatenate(([0.0], np.cumsum(seconds)))
-    return CountRecord(time_s, _temperature_c(acquisition, unit, first.host_s[rows]), pulses)
+    at_c, own_c = _temperatures_c(acquisition, unit, channels, first.host_s[rows])
+    return CountRecord(time_s, at_c, pulses, own_c)
 
 
 def _sent(acquisition: Acquisition, unit: UnitUnderTest, channels: Mapping[str, Codes]) -> SampleRecord:
@@ -106,7 +117,8 @@ def _sent(acquisition: Acquisition, unit: UnitUnderTest, channels: Mapping[str, 
     common, first = _common(acquisition, channels), next(iter(channels.values()))
     at_s = sampled_at_s(first)[np.searchsorted(first.sequence, common)]
     samples = {name: each.values[np.searchsorted(each.sequence, common)] for name, each in channels.items()}
-    return SampleRecord(at_s - at_s[0], _temperature_c(acquisition, unit, at_s), samples, averaged=first.averaged)
+    at_c, own_c = _temperatures_c(acquisition, unit, channels, at_s)
+    return SampleRecord(at_s - at_s[0], at_c, samples, averaged=first.averaged, own_c=own_c)
 
 
 def _net_pulses(counts: Counts, common: Integers, seconds: Array) -> Array:
@@ -117,9 +129,20 @@ def _net_pulses(counts: Counts, common: Integers, seconds: Array) -> Array:
     return np.where(unknown, np.nan, (positive - negative).astype(np.float64))
 
 
-def _temperature_c(acquisition: Acquisition, unit: UnitUnderTest, at_s: Array) -> Array:
-    """Temperature of the unit at times of the host, linear between its readings."""
-    name = unit.converter or unit.temperature
+def _temperatures_c(
+    acquisition: Acquisition, unit: UnitUnderTest, channels: Iterable[str], at_s: Array
+) -> tuple[Array, Mapping[str, Array]]:
+    """Temperature of the unit at times of the host, and of an inertial unit without a converter of each sensor."""
+    if unit.converter or not unit.channels:
+        return _temperature_c(acquisition, unit.converter or unit.temperature, at_s), {}
+    readings = {name: unit.thermometer(name) for name in channels}
+    read_c = {each: _temperature_c(acquisition, each, at_s) for each in dict.fromkeys(readings.values())}
+    own_c = {name: read_c[reading] for name, reading in readings.items()}
+    return next(iter(own_c.values())), own_c
+
+
+def _temperature_c(acquisition: Acquisition, name: str, at_s: Array) -> Array:
+    """Temperature by a reading at times of the host, linear between its values."""
     read_c, read_s = acquisition.temperatures_c.get(name), acquisition.temperatures_at_s.get(name)
     usable = np.zeros(0, np.bool_) if read_c is None else np.isfinite(read_c) & ~beyond_possible(read_c)
     if read_c is None or read_s is None or not usable.any():

@@ -113,8 +113,9 @@ def test_rounding_at_rest_is_one_error_of_the_record_without_noise(noise, steps)
 
 def test_the_temperature_of_a_mean_is_that_of_its_middle():
     warm = SampleRecord(np.arange(3.0), np.array([10.0, 20.0, 40.0]), {"x": np.zeros(3)}, averaged=True)
-    assert warm.output_c.tolist() == [10, 15, 30]
-    assert SampleRecord(warm.time_s, warm.temperature_c, warm.samples, averaged=False).output_c.tolist() == [10, 20, 40]
+    assert warm.output_c("x").tolist() == [10, 15, 30]
+    instants = SampleRecord(warm.time_s, warm.temperature_c, warm.samples, averaged=False)
+    assert instants.output_c("x").tolist() == [10, 20, 40]
 
 
 def test_two_samples_are_an_interval():
