@@ -41,7 +41,7 @@ class CountRecord:
 
     def output_c(self, channel: str) -> Array:
         """Temperature (n - 1,) of each output of a channel."""
-        read_c = self.own_c.get(channel, self.temperature_c)
+        read_c = _read_c(self, channel)
         return np.asarray((read_c[1:] + read_c[:-1]) / 2)
 
     def output(self, channel: str) -> Array:
@@ -65,7 +65,8 @@ class CountRecord:
 class SampleRecord:
     """Samples of outputs at increasing times, and the temperature then, (n,) each; NaN if unknown.
 
-    `own_c` are the temperatures of channels with a thermometer of their own. With `averaged` a sample is the mean over the usual interval before its time, else the output at its time.
+    `own_c` are the temperatures of channels with a thermometer of their own. With `averaged` a sample is the mean over
+    the usual interval before its time, else the output at its time.
     """
 
     time_s: Array
@@ -76,7 +77,7 @@ class SampleRecord:
 
     def output_c(self, channel: str) -> Array:
         """Temperature (n,) of each sample of a channel: of a mean that in the middle of its time."""
-        read_c = self.own_c.get(channel, self.temperature_c)
+        read_c = _read_c(self, channel)
         if not self.averaged:
             return read_c
         return np.asarray((np.concatenate((read_c[:1], read_c[:-1])) + read_c) / 2)
@@ -118,6 +119,11 @@ class SampleRecord:
 
 
 Record = CountRecord | SampleRecord
+
+
+def _read_c(record: Record, channel: str) -> Array:
+    """Temperature (n,) of a channel at the times of a record."""
+    return record.own_c.get(channel, record.temperature_c)
 
 
 def _charge(net_pulses: Array) -> Array:
