@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.config.channels import period_s
+from bench.config.checks_circuits import circuit_misfits
 from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem, read_document
@@ -217,12 +218,13 @@ def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     where: Place = ("places", name)
     yield from _output(bench, name, place)
-    for key in ("temperature", "gyro_temperature", "converter_temperature"):
-        reading: str | None = getattr(place, key)
-        if reading is not None and reading not in bench.readings:
-            yield (*where, key), f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
-        elif reading is not None and not _is_temperature(bench, bench.readings[reading]):
-            yield (*where, key), f"'{reading}' is not a temperature"
+    for key, reading in place.read.items():
+        if reading not in bench.readings:
+            problem = f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
+            yield (*where, *key.split(".")), problem
+        elif not _is_temperature(bench, bench.readings[reading]):
+            yield (*where, *key.split(".")), f"'{reading}' is not a temperature"
+    yield from circuit_misfits(bench, name, place)
     supply = bench.devices.get(place.supply)
     if supply is None or "power_supply" not in supply.description.capabilities:
         supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]

@@ -140,20 +140,44 @@ def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str
     needed = [*([TEMPERATURE] if warm else []), *([FREQUENCY] if of_response else []), OUTPUT]
     by_rate = [RATE] if any(isinstance(each, Compensation) and each.dynamic for each in known.values()) else []
     table = read_table(data, needed, optional=(CHANNEL, *([PHASE] if of_response else []), *by_rate))
+    value, phase_deg, outside = _values(known, table, beyond)
+    added: dict[str, Array | NDArray[np.bool_]] = dict(zip(ADDED, (value, outside), strict=True))
+    if of_response and PHASE in {name.strip() for name in next(csv.reader(io.StringIO(table.text)))}:
+        added[ADDED_PHASE] = phase_deg
+    return with_columns(table, added)
+
+
+def with_columns(table: Table, added: Mapping[str, Array | NDArray[np.bool_]]) -> str:
+    """The text of a CSV file with more columns (n,), NaN as a blank. Raises InputError if it has one already."""
     rows = list(csv.reader(io.StringIO(table.text, newline="")))
     header, cells = rows[0], [row for row in rows[1:] if row]
-    there = {name.strip() for name in header}
-    added = (*ADDED, ADDED_PHASE) if of_response and PHASE in there else ADDED
-    if clash := sorted(set(added) & there):
-        raise InputError(f"{data.name}: has a column '{clash[0]}' already; rename it")
-    value, phase_deg, outside = _values(known, table, beyond)
+    if clash := sorted(set(added) & {name.strip() for name in header}):
+        raise InputError(f"{table.file}: has a column '{clash[0]}' already; rename it")
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*header, *added])
-    for row, *found, is_outside in zip(cells, value.tolist(), phase_deg.tolist(), outside.tolist(), strict=True):
-        each, phase = ("" if number != number else repr(number) for number in found)
-        writer.writerow([*row, each, int(is_outside), phase][: len(row) + len(added)])
+    for row, *found in zip(cells, *(values.tolist() for values in added.values()), strict=True):
+        writer.writerow([*row, *(_cell(each) for each in found)])
     return text.getvalue()
+
+
+def _cell(value: float | bool) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if math.isnan(value) else repr(value)
+
+
+def rows_by_channel(known: Mapping[str, Known], table: Table) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """Channels of a file with masks of their rows (n,). Raises InputError for one that the calibration lacks."""
+    # A channel of M0 has an entry in g beside its rates: a row without a channel is then of its only rate.
+    referred = [name for name, each in known.items() if each.output_unit == each.value_unit] or [*known]
+    alone = referred[0] if len(referred) == 1 else ""
+    names = np.array([name.strip() or alone for name in table.columns[CHANNEL]], dtype=np.str_)
+    for name in np.unique(names).tolist():
+        if name not in known:
+            what = f"there is no channel '{name}'{did_you_mean(name, known)}" if name else "a row has no channel"
+            raise InputError(f"{table.file}: {what}; the calibration has {', '.join(known)}")
+        yield name, names == name
 
 
 def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -163,17 +187,10 @@ def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[A
         table.numbers(name) if name in table.columns else np.full(len(output), np.nan)
         for name in (TEMPERATURE, FREQUENCY, PHASE, RATE)
     )
-    # A channel of M0 has an entry in g beside its rates: a row without a channel is then of its only rate.
-    referred = [name for name, each in known.items() if each.output_unit == each.value_unit] or [*known]
-    alone = referred[0] if len(referred) == 1 else ""
-    names = np.array([name.strip() or alone for name in table.columns[CHANNEL]], dtype=np.str_)
     value, phase = np.full(len(output), np.nan), np.full(len(output), np.nan)
     outside = np.zeros(len(output), dtype=np.bool_)
-    for name in np.unique(names).tolist():
-        if name not in known:
-            what = f"there is no channel '{name}'{did_you_mean(name, known)}" if name else "a row has no channel"
-            raise InputError(f"{table.file}: {what}; the calibration has {', '.join(known)}")
-        of_channel, how = names == name, known[name]
+    for name, of_channel in rows_by_channel(known, table):
+        how = known[name]
         if isinstance(how, ResponseCompensation):
             value[of_channel], phase[of_channel], outside[of_channel] = how.apply(
                 output[of_channel], phase_deg[of_channel], frequency_hz[of_channel], beyond
