@@ -21,6 +21,7 @@ from drivers.quantity.units import parse_unit
 from drivers.schema.suggest import did_you_mean
 
 LOOKS_WITHIN_A_WATCHDOG = 3
+SQUARE_WITHIN_DEG = 1.0  # of the mount angles of two accelerometers at right angles
 
 
 class LoadedBench(NamedTuple):
@@ -60,6 +61,7 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     yield from counter_misfits(bench)
     yield from _watchdogs(bench)
     yield from _axes(bench)
+    yield from _tilt_pairs(bench)
     yield from _simulation(bench)
 
 
@@ -79,6 +81,32 @@ def _axes(bench: BenchFile) -> Iterator[Problem]:
         if axis.device not in turning:
             where: Place = ("fixture", "axes", index, "device")
             yield where, f"'{axis.device}' is neither a head nor a rate table{did_you_mean(axis.device, turning)}"
+
+
+def _tilt_pairs(bench: BenchFile) -> Iterator[Problem]:
+    """Yield pairs of places that cannot measure a tilt together."""
+    for index, pair in enumerate(bench.fixture.tilt_pairs):
+        where: Place = ("fixture", "tilt_pairs", index)
+        missing = [key for key in ("along", "across") if getattr(pair, key) not in bench.places]
+        for key in missing:
+            name = getattr(pair, key)
+            yield (*where, key), f"there is no place '{name}'{did_you_mean(name, bench.places)}"
+        if missing:
+            continue
+        along, across = bench.places[pair.along], bench.places[pair.across]
+        for key, place in (("along", along), ("across", across)):
+            if place.kind != "channel":
+                name = getattr(pair, key)
+                yield (*where, key), f"place '{name}' is for an inertial unit; a pair has two units with one channel"
+        if pair.along in [other.along for other in bench.fixture.tilt_pairs[:index]]:
+            yield (*where, "along"), f"place '{pair.along}' is that of another pair already"
+        apart_deg = (across.mount_angle - along.mount_angle) % 360
+        if abs(apart_deg - 90) > SQUARE_WITHIN_DEG:
+            yield (
+                (*where, "across"),
+                f"place '{pair.across}' is at {apart_deg:g}° from '{pair.along}' in the fixture, expected 90°, so that "
+                "its input axis is up when the other is level; see their mount_angle, and whether they are exchanged",
+            )
 
 
 def _simulation(bench: BenchFile) -> Iterator[Problem]:

@@ -27,6 +27,15 @@ class ReleasedCalibration:
     gravity_mps2: float = math.nan
     gravity_u_mps2: float = 0.0
 
+    def of_output(self, output_unit: str) -> Compensation | None:
+        """Conversion to g of a unit with one channel, wherever it was calibrated; None for another output."""
+        found = [each for each in self.channels.values() if each.output_unit == output_unit]
+        return found[0] if len(found) == 1 and found[0].value_unit == "g" else None
+
+    def local_g(self, gravity_mps2: float) -> float:
+        """Local gravity in the g of the calibration; 1 if that is not stated."""
+        return gravity_mps2 / self.gravity_mps2 if np.isfinite(self.gravity_mps2) and self.gravity_mps2 else 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class PowerCycles:

@@ -17,6 +17,7 @@ from pydantic import Field
 from bench.config.models import BenchFile
 from bench.errors import InputError, StoreError
 from bench.files import content_hash
+from bench.metrology.calibration.dynamic import SECONDS
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.temperature import Beyond, Compensation
 from bench.metrology.least_squares import Array
@@ -32,6 +33,7 @@ from drivers.schema.suggest import did_you_mean
 SCHEMA, DIGEST = "itb-calibration/1", "digest"
 LIMIT_BYTES = 2**24
 CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
+RATE = "dT_dt_C_per_min"
 ADDED = ("value", "extrapolated")
 ADDED_PHASE = "value_phase_deg"
 
@@ -127,7 +129,8 @@ def read_calibration(path: Path) -> CalibrationFile:
 def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str:
     """Add two columns to a CSV file with the columns `T_C`, `output` and, for several channels, `channel`.
 
-    `value` is blank for missing data, `extrapolated` is 1 beyond the range of the calibration. A response needs the
+    `value` is blank for missing data, `extrapolated` is 1 beyond the range of the calibration. With a column
+    `dT_dt_C_per_min` the dynamic model of a bias is used, if the calibration has one. A response needs the
     column `f_Hz` in place of `T_C`; outputs are amplitudes then, and a column `phase_deg` gets another one,
     `value_phase_deg`. Rows and columns are otherwise unchanged. Raises InputError.
     """
@@ -135,7 +138,8 @@ def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str
     of_response = [each for each in known.values() if isinstance(each, ResponseCompensation)]
     warm = [each for each in known.values() if isinstance(each, Compensation) and each.valid_c is not None]
     needed = [*([TEMPERATURE] if warm else []), *([FREQUENCY] if of_response else []), OUTPUT]
-    table = read_table(data, needed, optional=(CHANNEL, *([PHASE] if of_response else [])))
+    by_rate = [RATE] if any(isinstance(each, Compensation) and each.dynamic for each in known.values()) else []
+    table = read_table(data, needed, optional=(CHANNEL, *([PHASE] if of_response else []), *by_rate))
     value, phase_deg, outside = _values(known, table, beyond)
     added: dict[str, Array | NDArray[np.bool_]] = dict(zip(ADDED, (value, outside), strict=True))
     if of_response and PHASE in {name.strip() for name in next(csv.reader(io.StringIO(table.text)))}:
@@ -179,9 +183,9 @@ def rows_by_channel(known: Mapping[str, Known], table: Table) -> Iterator[tuple[
 def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Value and phase of each row, and whether it is extrapolated."""
     output = table.numbers(OUTPUT)
-    temperature_c, frequency_hz, phase_deg = (
+    temperature_c, frequency_hz, phase_deg, c_per_min = (
         table.numbers(name) if name in table.columns else np.full(len(output), np.nan)
-        for name in (TEMPERATURE, FREQUENCY, PHASE)
+        for name in (TEMPERATURE, FREQUENCY, PHASE, RATE)
     )
     value, phase = np.full(len(output), np.nan), np.full(len(output), np.nan)
     outside = np.zeros(len(output), dtype=np.bool_)
@@ -190,6 +194,10 @@ def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[A
         if isinstance(how, ResponseCompensation):
             value[of_channel], phase[of_channel], outside[of_channel] = how.apply(
                 output[of_channel], phase_deg[of_channel], frequency_hz[of_channel], beyond
+            )
+        elif how.dynamic is not None and np.isfinite(c_per_min).any():
+            value[of_channel], outside[of_channel] = how.apply_at_rate(
+                output[of_channel], temperature_c[of_channel], c_per_min[of_channel] / SECONDS, beyond
             )
         else:
             value[of_channel], outside[of_channel] = how.apply(output[of_channel], temperature_c[of_channel], beyond)

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from bench.metrology.calibration.dynamic import DynamicBias
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import RELATIVE, Linearity
 from bench.metrology.calibration.nominal_output import NominalOutput
@@ -125,6 +126,15 @@ class _Nominal(Tolerant):
         return NominalOutput(self.at_c, self.offset_u, self.scale_u, self.offset_beside_u, self.scale_beside_u)
 
 
+class _Dynamic(Tolerant):
+    bias: _Polynomial
+    rate: _Constant
+    fastest: float = Field(alias="fastest_C_per_min", gt=0)
+
+    def dynamic(self) -> DynamicBias:
+        return DynamicBias(self.bias.curve(), self.rate.curve(), self.fastest)
+
+
 class ChannelForm(Tolerant):
     """An entry of a calibration file."""
 
@@ -139,6 +149,7 @@ class ChannelForm(Tolerant):
     force: _Force | None = None
     thermometer: str = ""
     nominal: _Nominal | None = None
+    dynamic: _Dynamic | None = None
 
     @model_validator(mode="after")
     def _has_all_knots(self) -> Self:
@@ -158,7 +169,8 @@ class ChannelForm(Tolerant):
         linearity = None if self.linearity is None else self.linearity.linearity()
         force = None if self.force is None else self.force.terms()
         nominal = None if self.nominal is None else self.nominal.output()
+        dynamic = None if self.dynamic is None else self.dynamic.dynamic()
         return Compensation(
             self.channel, self.output, self.value, scale, offset, bias, linearity,
-            force=force, thermometer=self.thermometer, nominal=nominal,
+            force=force, thermometer=self.thermometer, nominal=nominal, dynamic=dynamic,
         )  # fmt: skip

@@ -31,6 +31,7 @@ SHIPPED: Mapping[str, str] = {
     "temperature_ramp": "bench.methods.ramp.method:TEMPERATURE_RAMP",
     "temperature_tumble": "bench.methods.tumble.method:TEMPERATURE_TUMBLE",
     "verify_compensation": "bench.methods.tumble.method:VERIFY_COMPENSATION",
+    "verify_on_ramp": "bench.methods.ramp.method:VERIFY_ON_RAMP",
     "threshold": "bench.methods.threshold.method:THRESHOLD",
 }
 OUTPUT = "output"  # as the unit of a quantity: stands for the unit of the units' output
