@@ -29,6 +29,10 @@ UNITS = {
     "bandwidth_not_reached": (
         "The gain does not fall to -3 dB up to the highest frequency; the bandwidth is above that."
     ),
+    "bandwidth_left_out": (
+        "The gain does not fall to -3 dB up to {frequency} Hz, and higher frequencies are left out; the bandwidth is "
+        "above {frequency} Hz and not known."
+    ),
     "bandwidth_below_at_start": "The gain is below -3 dB at the lowest frequency already; the bandwidth is below that.",
     "lever_arm_short": (
         "The arm across the input axis is shorter than 5 mm, so that the gains are poorly known; see their U."
@@ -52,6 +56,10 @@ UNITS = {
     "{frequency} Hz droop": (
         "{frequency} Hz: left out: the table swung with less than half of the amplitude that it had at the lowest "
         "frequency."
+    ),
+    "{frequency} Hz few_pulses": (
+        "{frequency} Hz: left out: the unit gave too few pulses from one reversal to the next for the play of its "
+        "converter to be taken out; oscillate with a larger peak rate there, or an accelerometer on a longer arm."
     ),
     "{frequency} Hz phase_step": (
         "{frequency} Hz: its phase differs by more than 120° from the previous one; whole turns between them may be"
