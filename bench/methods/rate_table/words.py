@@ -20,6 +20,10 @@ READINGS = {
 }
 UNITS = {
     "rest_missing": "There is no usable reading at rest, so that the bias and all errors are unknown.",
+    "warming_up": (
+        "The temperature of the unit changed by {change} °C from one rate to another, and its scale factor by up to "
+        "{ppm} ppm with it: each error is that at its own temperature. Let the unit warm up for longer."
+    ),
     "rest_of_one_angle": "The readings at rest do not cover a full turn, so that a tilt of the axis is in the bias.",
     "too_few_low_rates": (
         "Fewer than two usable rates are low enough to determine the radius, so that no error is known."

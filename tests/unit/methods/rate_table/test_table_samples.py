@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.bias_at_rest import RestReading, fit_rest
-from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.converter_hysteresis import too_few_pulses, without_hysteresis
+from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.sine_fit import fit_sine
 from bench.metrology.acquisition import Motion
@@ -248,7 +248,7 @@ def test_of_a_stroke_of_too_few_pulses_nothing_is_right_and_of_more_everything()
     of_few, of_enough = [], []
     for amplitude in np.concatenate([rng.uniform(0.55, 0.8, 12), rng.uniform(1.4, 3.0, 24)]):
         frequency_hz, drift = rng.uniform(10, 120), rng.uniform(4, 9) * rng.choice([-1, 1])
-        samples, phase = swung(amplitude, frequency_hz, drift=drift)
+        samples, _ = swung(amplitude, frequency_hz, drift=drift)
         without = without_hysteresis(samples, frequency_hz, 1.0)
         block = without.swing(1.0)
         fit = fit_sine(block.time_s, block.output, frequency_hz, step=block.step, behind=block.behind)
