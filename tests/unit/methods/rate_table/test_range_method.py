@@ -288,7 +288,7 @@ def test_errors_name_their_temperature_and_a_gyro_that_warms_up_is_told():
     at_c = [found.at["at_c"] for found in warming.findings if found.quantity == "rate_error"]
     assert np.ptp(at_c) == pytest.approx(7 * 60 * 1e-3, rel=0.1)
     assert gyro(*noisy_thermometer(*REST, *STEADY)).flags == ()
-    assert gyro(*(replace(each, temperatures_c={}) for each in (*REST, *STEADY))).flags == ()
+    assert gyro(*(replace(each, temperatures_c={"warm": np.full(2, np.nan)}) for each in (*REST, *STEADY))).flags == ()
 
 
 def test_temperatures_that_scatter_more_than_the_readings_of_each_are_those_of_the_points():
