@@ -21,7 +21,7 @@ READINGS = {
 UNITS = {
     "rest_missing": "There is no usable reading at rest, so that the bias and all errors are unknown.",
     "warming_up": (
-        "The temperature of the unit changed by {change} °C from one rate to another, and its scale factor by up to "
+        "The temperature of the unit changed by {change} °C during the readings, and its scale factor by up to "
         "{ppm} ppm with it: each error is that at its own temperature. Let the unit warm up for longer."
     ),
     "rest_of_one_angle": "The readings at rest do not cover a full turn, so that a tilt of the axis is in the bias.",
