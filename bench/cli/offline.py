@@ -17,7 +17,7 @@ from bench.errors import InputError
 if TYPE_CHECKING:  # imported for types only: the command line starts without numpy
     from bench.metrology.calibration.temperature import Beyond, Compensation
     from bench.offline.calibration_file import CalibrationFile
-    from bench.offline.count_series import CountSeries
+    from bench.offline.motion_series import Series
 
 
 def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
@@ -48,8 +48,9 @@ def compensate(
 ) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature.
 
-    With --to it converts the counts of a unit in motion, in a file or in an acquisition of a run, to specific force or
-    velocity, with the standard uncertainty of each value; or outputs to those at the nominal temperature of the unit.
+    With --to it converts the counts or samples of a unit in motion, in a file or in an acquisition of a run, to
+    specific force or velocity, with the standard uncertainty of each value; or outputs to those at the nominal
+    temperature of the unit.
     """
     from bench.offline.calibration_file import compensated, read_calibration
 
@@ -72,7 +73,7 @@ def compensate(
     if step is None and data.suffix == ".csv":
         found = in_motion(known, data, options)
     else:
-        series = _counted(known, data, axes_of(known), step, runs)
+        series = _recorded(known, data, axes_of(known), step, runs)
         found = converted(known, f"{data.name} {step}", series, options)
     remark(*found.remarks)
     _write(out, found.write)
@@ -107,23 +108,23 @@ def _regress(
     if step is None and data.suffix == ".csv":
         name, series = data.name, read_counts(data, list(channels), counter_bits, is_warm=True)
     else:
-        name, series = f"{data.name} {step}", _counted(known, data, channels, step, runs)
+        name, series = f"{data.name} {step}", _recorded(known, data, channels, step, runs)
     found = regressed_counts(known, name, series, nominal_c, beyond)
     remark(*found.remarks)
     _write(out, found.write)
 
 
-def _counted(
+def _recorded(
     known: CalibrationFile, run: Path, channels: Mapping[str, Compensation], step: str | None, runs: Path
-) -> CountSeries:
-    """Counts of channels of the calibrated unit in an acquisition of a run; remarks on other thermometers."""
-    from bench.reduce.counted import counted_in_run, other_thermometers
+) -> Series:
+    """Output of channels of the calibrated unit in an acquisition of a run; remarks on other thermometers."""
+    from bench.reduce.output_in_run import other_thermometers, output_in_run
     from bench.reduce.stored_run import open_run
     from bench.store.runs import find_run
 
     with open_run(find_run(str(run), runs)) as stored:
         remark(*(f"{run.name}: {each}" for each in other_thermometers(stored, known.uut, channels)))
-        return counted_in_run(stored, known.uut, list(channels), step)
+        return output_in_run(stored, known.uut, channels, step)
 
 
 def _write(out: Path | None, write: Callable[[TextIO], object]) -> None:
@@ -141,7 +142,7 @@ def _only_in_motion(*given: bool) -> None:
     """Raise InputError if an option is given that needs --to."""
     names = ("--unit", "--counter-bits", "--noise", "--at-start", "--step")
     if wrong := [name for name, is_given in zip(names, given, strict=True) if is_given]:
-        raise InputError(f"{wrong[0]}: is for counts, with --to acceleration or --to velocity")
+        raise InputError(f"{wrong[0]}: needs --to acceleration or --to velocity")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
@@ -208,8 +209,8 @@ COMMANDS = (
         option(
             "--to value|nominal|acceleration|velocity",
             "Result: the value of each row, or the output that it would have at the nominal temperature; or specific "
-            "force or velocity from cumulative counts, in columns t_s, T_C, and CHANNEL, or CHANNEL_pos and "
-            "CHANNEL_neg.",
+            "force or velocity, from columns t_s, T_C, and for each channel CHANNEL with cumulative counts, or "
+            "CHANNEL_pos and CHANNEL_neg, or with samples in volts or codes.",
             choices=("value", "nominal", "acceleration", "velocity"), default="value",
         ),
         option("--unit g|m/s2", "Unit of --to acceleration.", choices=("g", "m/s2"), default="g"),
@@ -223,7 +224,7 @@ COMMANDS = (
             to="at_start",
         ),
         option("--nominal T", 'Temperature of --to nominal, such as "25 °C"; default: that of the calibration.'),
-        option("--step STEP", "With a run: the acquisition whose counts are converted."),
+        option("--step STEP", "With a run: the acquisition whose output is converted."),
         RUNS,
     )),
 )  # fmt: skip

@@ -251,6 +251,15 @@ class BenchFile(StrictModel):
         named = {} if entry.channels is None else dict(entry.channels)
         return {name: each.unit for name, channel in named.items() if (each := self._sample_on(channel))}
 
+    def sampled_together(self, entry: PlaceEntry, latched_with: Collection[str]) -> bool:
+        """True if one device samples all channels of an inertial unit at once, one of them in `latched_with`."""
+        wanted = set(entry.measured_by.values())
+        for each in self.devices.values():
+            found = [each.outputs[channel] for channel in wanted if channel in each.outputs]
+            if len(found) == len(wanted) and all(isinstance(output, Sampled) for output in found):
+                return len({(o.period_s, o.tick_period_s) for o in found}) == 1 and bool(wanted & set(latched_with))
+        return False
+
     def _sample_on(self, channel: str | None) -> Sampled | None:
         found = (each.outputs.get(channel) for each in self.devices.values() if channel is not None)
         return next((output for output in found if isinstance(output, Sampled)), None)
