@@ -10,14 +10,14 @@ from zoneinfo import ZoneInfo
 
 from pydantic import AfterValidator, Field
 
-from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
+from bench.config.devices import CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry, total_current
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
+from bench.config.thermometer import ThermometerCalibration
 from drivers.can.sent_frames import Counted, Sampled
-from drivers.certificates.corrections import TemperatureTable
 from drivers.schema.fields import (
     NOT_EMPTY,
     Celsius,
@@ -77,23 +77,6 @@ class TemperatureWindow(Range):
 
     min: Celsius
     max: Celsius
-
-
-class ThermometerUncertainty(StrictModel):
-    """Expanded uncertainty: an offset, a gain error on the temperature in °C, and the change of the offset in a run."""
-
-    offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
-    drift: Annotated[float, InUnit("°C", at_least=0)] | None = Field(
-        None, description="change of the offset from the beginning to the end of a run; default: a fifth of the offset"
-    )
-
-
-class ThermometerCalibration(Calibration):
-    """Calibration certificate of a thermometer."""
-
-    U: ThermometerUncertainty = ThermometerUncertainty()
-    corrections: TemperatureTable = Field((), description="rows, by rising temperature")
 
 
 class ReadingEntry(StrictModel):

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bench.config.laboratory import CertificateFields, LaboratoryFile, mark_of
 from bench.errors import InputError, StoreError
 from bench.files import content_hash, sync_folder, write_atomically
+from bench.optional import imported
 from bench.report.approval import APPROVAL, SCHEMA
-from bench.report.optional import imported
 from bench.report.revision import issued_name, replacing, writing
 from bench.station.signoff.decisions import Pending, Signed, State
 from bench.station.signoff.key import KeyFiles
