@@ -13,6 +13,8 @@ from bench.certificates.quantities import Stated, quantities
 
 DUE = "itb_due"  # refType of the statement with the date of the next calibration
 _CORE, _STATEMENTS = "dcc:administrativeData/dcc:coreData", "dcc:administrativeData/dcc:statements/dcc:statement"
+_ITEMS = "dcc:administrativeData/dcc:items"
+_ITEM, _VALUE = f"{_ITEMS}/dcc:item", "dcc:identifications/dcc:identification/dcc:value"
 _PERIOD = re.compile(r"P(?:(\d{1,3})Y)?(?:(\d{1,4})M)?(?:(\d{1,5})D)?(?:T.*)?", re.ASCII)
 
 
@@ -34,22 +36,15 @@ def read_certificate(path: Path) -> Certificate:
     markup = read_markup(path)
     number, date = _needed(markup, f"{_CORE}/dcc:uniqueIdentifier"), _needed(markup, f"{_CORE}/dcc:endPerformanceDate")
     laboratory = markup.all("dcc:administrativeData/dcc:calibrationLaboratory/dcc:contact/dcc:name")
-    items = markup.all("dcc:administrativeData/dcc:items/dcc:item")
-    values = (
-        markup.all(
-            "dcc:identifications/dcc:identification/dcc:value", markup.all("dcc:administrativeData/dcc:items")[0]
-        )
-        if items
-        else []
-    )
-    values += [each for item in items for each in markup.all("dcc:identifications/dcc:identification/dcc:value", item)]
+    items = markup.all(_ITEM)
+    serials = markup.all(f"{_ITEM}/{_VALUE} | {_ITEMS}/{_VALUE}")
     return Certificate(
         markup,
         number,
         named(laboratory[0]) if laboratory else "",
         _date(markup, date),
         _due(markup),
-        tuple(plain(each) for each in values),
+        tuple(plain(each) for each in serials),
         tuple(named(next(iter(markup.all("dcc:name", item)), None)) for item in items),
         tuple(quantities(markup)),
     )

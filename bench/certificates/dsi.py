@@ -58,10 +58,10 @@ class Read(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def written(unit: str) -> Written:
+def written(unit: str, *, g_is_one: bool = False) -> Written:
     """Return a unit in D-SI. Temperatures alone are in degrees Celsius, intervals and their powers in kelvin.
 
-    Raises QuantityError for what is no unit.
+    With `g_is_one`, values remain relative to local gravity. Raises QuantityError for what is no unit.
     """
     powers, factor, gravity = dict[str, float](), Fraction(1), 0.0
     parts = factors(unit)
@@ -71,9 +71,11 @@ def written(unit: str) -> Written:
         factor *= Fraction(number) ** int(power) if number != 1 else 1
         for each in factors(equal):
             steps = _steps(each.symbol, alone=alone)
-            gravity += power * each.power if steps is None else 0.0
-            factor *= _scale_of_g(each.symbol, power) if steps is None else 1
-            for name, step in (_GRAVITY if steps is None else steps).items():
+            if steps is None:
+                factor *= _scale_of_g(each.symbol, power)
+                gravity += 0.0 if g_is_one else power
+                steps = {} if g_is_one else _GRAVITY
+            for name, step in steps.items():
                 powers[name] = powers.get(name, 0.0) + step * power * each.power
     text = "".join(_raised(name, power) for name, power in powers.items() if power)
     return Written(text or ONE, factor, gravity)

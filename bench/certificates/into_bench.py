@@ -32,7 +32,7 @@ class Block(NamedTuple):
     """Values of a certificate for a bench file: uncertainties with their k, corrections, and the readings covered."""
 
     k: float
-    U: dict[str, Any]
+    uncertainties: dict[str, Any]
     corrections: dict[str, Any]
     covers: tuple[Quantity, Quantity] | None
 
@@ -113,24 +113,33 @@ def block_of(certificate: Certificate, want: Wanted, serial: str) -> Block:
             f"has none of the quantities {names}, and no table of errors; name those it has under 'quantities' "
             "('bench certificate' lists them)"
         )
-    ks = {value.k for value in used}
+    ks = {value.k for value in used if value.k is not None}
     k = next(iter(ks)) if len(ks) == 1 and not want.stated else COMMON
-    assert k is not None  # noqa: S101  each has one, see _expect_uncertain
-    U, corrections = dict[str, Any](), dict[str, Any]()
+    uncertainties, corrections = dict[str, Any](), dict[str, Any]()
     for name, stated in scalars.items():
         found = [value.uncertainty(k) for value in stated.values]
-        U[name] = found if name in want.lists else found[0]
+        uncertainties[name] = found if name in want.lists else found[0]
         corrections |= _correction(certificate, want, name, stated)
     if table is not None:
         corrections[want.table] = _rows(table)
-        if OFFSET in want.uncertainties and OFFSET not in {*U, *want.stated}:
-            U[OFFSET] = max((error.uncertainty(k) for _, error in table[1]), key=lambda each: each.base_value)
-        elif not ({*U} | want.stated):
-            raise markup.problem(
-                f"has a table of errors, but no quantity of {', '.join(want.uncertainties)}; state them in the bench "
-                "file", table[0].at,
-            )  # fmt: skip
-    return Block(float(k), U, corrections, _covers(certificate, want, table))
+        uncertainties |= _of_table(certificate, want, table, k, {*uncertainties, *want.stated})
+    return Block(float(k), uncertainties, corrections, _covers(certificate, table))
+
+
+def _of_table(
+    certificate: Certificate, want: Wanted, table: Table, k: Fraction, known: set[str]
+) -> dict[str, Quantity]:
+    """Uncertainty that a table states for the key offset; raises InputError if there is no such key, nor another."""
+    stated, rows = table
+    if OFFSET in want.uncertainties:
+        greatest = max((error.uncertainty(k) for _, error in rows), key=lambda each: each.base_value)
+        return {} if OFFSET in known else {OFFSET: greatest}
+    if not known:
+        raise certificate.markup.problem(
+            f"has a table of errors, and no quantity {', '.join(f'{OWN}{name}' for name in want.uncertainties)}, of "
+            "which one at least is needed; state it in the bench file, under U", stated.at,
+        )  # fmt: skip
+    return {}
 
 
 Table = tuple[Stated, list[tuple[Value, Value]]]
@@ -240,7 +249,7 @@ def _rows(table: Table) -> list[dict[str, Quantity]]:
     return [{"at": at.quantity, "add": error.difference * sign} for at, error in rows]
 
 
-def _covers(certificate: Certificate, want: Wanted, table: Table | None) -> tuple[Quantity, Quantity] | None:
+def _covers(certificate: Certificate, table: Table | None) -> tuple[Quantity, Quantity] | None:
     """Least and greatest reading that the certificate covers, by itb_range or by its table; None if not stated."""
     if (stated := _one(certificate, RANGE, needed=False)) is not None:
         found = sorted((value.quantity for value in stated.values), key=lambda each: each.base_value)

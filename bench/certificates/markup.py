@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 from bench.errors import InputError
 from bench.optional import imported
@@ -19,7 +20,7 @@ ROOT = f"{{{DCC}}}digitalCalibrationCertificate"
 MAJOR = "3"  # of the versions that can be read
 _MOST_SHOWN = 120
 
-Element = etree._Element  # noqa: SLF001  its public name is only in the type stubs
+Element: TypeAlias = etree._Element  # noqa: SLF001  it has no public name
 
 
 class Markup:
@@ -37,7 +38,7 @@ class Markup:
     def all(self, where: str, inside: Element | None = None) -> list[Element]:
         """Return the elements of an XPath, with the prefixes dcc, si and ds."""
         found = (self.root if inside is None else inside).xpath(where, namespaces=NAMES)
-        return [each for each in found if isinstance(each, etree._Element)] if isinstance(found, list) else []  # noqa: SLF001
+        return [each for each in found if isinstance(each, Element)] if isinstance(found, list) else []
 
     def text(self, where: str, inside: Element | None = None) -> str:
         """Return the text of the first element of an XPath, "" without one."""
@@ -50,8 +51,8 @@ class Markup:
         version = root.get("schemaVersion", "")
         if version.partition(".")[0] != MAJOR:
             raise self.problem(
-                f"is a certificate by version {_shown(version) or '(none)'} of the schema; versions {MAJOR}.x are read. "
-                "Ask the laboratory for one"
+                f"is a certificate by version {_shown(version) or '(none)'} of the schema, and versions {MAJOR}.x are "
+                "read; ask the laboratory for one"
             )
 
 
@@ -72,13 +73,17 @@ def _parsed(path: Path, content: bytes) -> Element:
         line = content[: content.index(b"<!DOCTYPE")].count(b"\n") + 1
         raise InputError(f"{path}:{line}: {_DECLARED}")
     try:
+        content.decode()
         root = etree.fromstring(content, parser)
     except etree.XMLSyntaxError as problem:
         line = problem.lineno or 1
         raise InputError(f"{path}:{line}: is not XML ({problem.msg}); is it the right file?") from None
+    except UnicodeDecodeError as problem:
+        line = content.count(b"\n", 0, problem.start) + 1
+        raise InputError(f"{path}:{line}: is not UTF-8 text; ask the laboratory for a certificate in UTF-8") from None
     except ValueError as problem:
-        raise InputError(f"{path}: is not XML ({problem})") from None
-    if root.getroottree().docinfo.doctype:
+        raise InputError(f"{path}:1: is not XML ({problem})") from None
+    if getattr(root.getroottree().docinfo, "doctype", ""):
         raise InputError(f"{path}:1: {_DECLARED}")
     return root
 
@@ -104,7 +109,8 @@ def named(element: Element | None, language: str = "en") -> str:
 
 
 def _line(element: Element) -> int:
-    return int(element.sourceline or 1)
+    line: object = getattr(element, "sourceline", None)
+    return line if isinstance(line, int) else 1
 
 
 def _shown(text: str) -> str:

@@ -23,6 +23,13 @@ SIGNING_TIME = ".//{http://uri.etsi.org/01903/v1.3.2#}SigningTime"
 _PEM_BYTES = 2**20
 
 
+class Key(NamedTuple):
+    """Private key, and its certificate with those that issued it, its own first."""
+
+    private: PrivateKeyTypes
+    certificates: Sequence[Certificate]
+
+
 class Signature(NamedTuple):
     """Valid signature of a certificate: subject and SHA-256 of the certificate of its key.
 
@@ -34,23 +41,23 @@ class Signature(NamedTuple):
     is_expected: bool
 
 
-def signed(root: Element, place: Element, key: PrivateKeyTypes, certificates: Sequence[Certificate]) -> Element:
-    """Return a certificate with a signature in `place`, an element of it. The certificate of the key is the first.
+def signed(root: Element, place: Element, key: Key) -> Element:
+    """Return a certificate with a signature in `place`, an element of it.
 
     Raises InputError for a key that no method of XML signatures has.
     """
-    from signxml import SignatureMethod
-    from signxml.xades import XAdESSigner
+    from signxml.algorithms import SignatureMethod
+    from signxml.xades.xades import XAdESSigner
 
-    if isinstance(key, ec.EllipticCurvePrivateKey):
+    if isinstance(key.private, ec.EllipticCurvePrivateKey):
         method = SignatureMethod.ECDSA_SHA256
-    elif isinstance(key, rsa.RSAPrivateKey):
+    elif isinstance(key.private, rsa.RSAPrivateKey):
         method = SignatureMethod.RSA_SHA256
     else:
         raise InputError("signature: XML is signed with RSA or elliptic curves (ECDSA); configure such a key")
     etree.SubElement(place, PLACEHOLDER, Id="placeholder")
-    signer = XAdESSigner(signature_algorithm=method)
-    return signer.sign(root, key=key, cert=list(certificates))
+    made: Element = XAdESSigner(signature_algorithm=method).sign(root, key=key.private, cert=list(key.certificates))
+    return made
 
 
 def verified(markup: Markup, expected: Path | None = None) -> Signature | None:
@@ -90,8 +97,8 @@ def _embedded(markup: Markup, signature: Element) -> Certificate:
 
 def _verify(markup: Markup, signature: Element, certificate: Certificate) -> None:
     from cryptography.exceptions import InvalidSignature as WrongSignature
-    from signxml import SignatureConfiguration, XMLVerifier
     from signxml.exceptions import SignXMLException
+    from signxml.verifier import SignatureConfiguration, XMLVerifier
 
     stated = signature.find(SIGNING_TIME)
     config = SignatureConfiguration(expect_references=False, verification_time=_instant(stated))

@@ -28,7 +28,7 @@ _FILE = FileBeside()
 class CertificateFile:
     """Certificate of an instrument: its file and that of its signers, as named in the bench file and as read.
 
-    `signature` states in words who signed it; "" for nobody. `covers` are the least and greatest reading that it covers.
+    `signature` states in words who signed it, "" for nobody. `covers` are the least and greatest reading in it.
     """
 
     files: Mapping[str, Path]
@@ -131,7 +131,7 @@ def _content(
         raise InputError(f"{path}: states {twice[0]}, and so do the corrections of the bench file; remove it there")
     return {
         "certificate": found.number, "laboratory": found.laboratory, "date": str(found.date), "due": _due(data, found),
-        "k": block.k, "U": {**own, **block.U}, "corrections": {**added, **block.corrections},
+        "k": block.k, "U": {**own, **block.uncertainties}, "corrections": {**added, **block.corrections},
         DCC: CertificateFile(dict(files), signature, block.covers),
     }  # fmt: skip
 

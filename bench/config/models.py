@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
 from pydantic import AfterValidator, Field
 
+from bench.config.dcc import CertificateFile
 from bench.config.devices import CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
@@ -295,6 +296,16 @@ class BenchFile(StrictModel):
             for name, entry in certified.items()
             if entry.calibration is not None and entry.calibration.due < day
         }
+
+    @property
+    def certificates(self) -> Iterator[CertificateFile]:
+        """Yield the certificates that are files, of devices and readings."""
+        for device in self.devices.values():
+            if device.calibration is not None and device.calibration.dcc is not None:
+                yield device.calibration.dcc
+        for reading in self.readings.values():
+            if reading.calibration is not None and reading.calibration.dcc is not None:
+                yield reading.calibration.dcc
 
     @property
     def is_simulated(self) -> bool:

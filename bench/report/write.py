@@ -51,9 +51,14 @@ def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH, out: P
     return path
 
 
-def _write_elsewhere(run: StoredRun, form: str, lang: str, out: Path) -> Path:
+def expect_elsewhere(out: Path) -> None:
+    """Raise InputError if a file would be in the directory of a run."""
     if (Path(os.path.realpath(out)).parent / MANIFEST).exists():
         raise InputError(f"{out}: is in the directory of a run; choose another place")
+
+
+def _write_elsewhere(run: StoredRun, form: str, lang: str, out: Path) -> Path:
+    expect_elsewhere(out)
     with writing(run.folder), language(lang):
         content = FORMS[form](run)
     with atomic_file(out) as draft:
