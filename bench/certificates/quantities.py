@@ -40,13 +40,17 @@ _STANDARD = (
 
 
 class Value(NamedTuple):
-    """Number in the unit of a certificate, with its expanded uncertainty and coverage factor, None if not stated."""
+    """Number in the unit of a certificate, with its expanded uncertainty and coverage factor, None if not stated.
+
+    `written` is the unit as in the certificate, `label` the label of the number, "" without one.
+    """
 
     number: Fraction
     unit: dsi.Read
     written: str
     expanded: Fraction | None = None
     k: Fraction | None = None
+    label: str = ""
 
     @property
     def quantity(self) -> Quantity:
@@ -101,7 +105,8 @@ def _values(markup: Markup, quantity: Element) -> Iterator[Value]:
 def _single(markup: Markup, real: Element, unit: str = "") -> Value:
     unit = markup.text("si:unit", real) or unit
     expanded, k = _uncertainty(markup, real)
-    return Value(_number(markup, "si:value", real), _unit(markup, unit, real), unit, expanded, k)
+    number, label = _number(markup, "si:value", real), markup.text("si:label", real)
+    return Value(number, _unit(markup, unit, real), unit, expanded, k, label)
 
 
 def _uncertainty(markup: Markup, real: Element) -> tuple[Fraction | None, Fraction | None]:

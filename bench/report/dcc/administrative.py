@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import date, datetime
+from datetime import UTC, date, datetime
 from functools import partial
 from importlib.metadata import version
 from typing import Any
@@ -37,7 +37,7 @@ def administrative(
     issuer = add(made, "dcc:calibrationLaboratory")
     if accreditation := laboratory.get("accreditation", ""):
         add(issuer, "dcc:calibrationLaboratoryCode", accreditation)
-    contact(issuer, "dcc:contact", laboratory["name"], laboratory.get("address", ""))
+    contact(issuer, "dcc:contact", laboratory["name"], laboratory.get("address", ""), laboratory.get("email", ""))
     _persons(made, run, approval, is_signed=is_signed)
     contact(made, "dcc:customer", fields.get("customer") or NOT_STATED, fields.get("customer_address", ""))
     _statements(made, run, results, approval)
@@ -129,6 +129,7 @@ def _statements(parent: Element, run: StoredRun, results: Results, approval: Map
 
 def _texts(run: StoredRun, results: Results, approval: Mapping[str, Any]) -> Iterator[tuple[str, Words | str]]:
     laboratory, fields = approval["laboratory"], approval["fields"]
+    yield "itb_time", "/".join(_utc(run.manifest[each]) for each in ("started", "ended"))
     yield "itb_scope", lambda: tr("This report relates only to the items calibrated.")
     for kind, text in (
         ("itb_place", fields.get("place") or laboratory.get("place", "")),
@@ -140,6 +141,10 @@ def _texts(run: StoredRun, results: Results, approval: Mapping[str, Any]) -> Ite
     if results.verdict == "INCOMPLETE":
         yield "itb_incomplete", lambda: tr("Some results could not be determined; the report states which, and why.")
     yield from (("itb_deviation", words) for words in _deviations(run, results))
+
+
+def _utc(instant: str) -> str:
+    return datetime.fromisoformat(instant).astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _deviations(run: StoredRun, results: Results) -> Sequence[Words]:

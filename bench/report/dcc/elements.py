@@ -121,11 +121,13 @@ def identify(parent: Element, entries: Iterable[tuple[str, str, Words]]) -> None
         say(each, "dcc:name", name)
 
 
-def contact(parent: Element, tag: str, name: str, address: str = "", *, is_strict: bool = True) -> Element:
+def contact(
+    parent: Element, tag: str, name: str, address: str = "", email: str = "", *, is_strict: bool = True
+) -> Element:
     """Add a person or an organisation; a strict one has an e-mail address and a location, empty if not stated."""
     made = add(parent, tag)
     say(made, "dcc:name", name)
     if is_strict:
-        add(made, "dcc:eMail")
+        add(made, "dcc:eMail", email)
         say(add(made, "dcc:location"), "dcc:further", address or "-")
     return made

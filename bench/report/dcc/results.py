@@ -110,8 +110,10 @@ def _finding(parent: Element, finding: Finding, gravity: Gravity, numbers: Mappi
     if not is_value:
         say(made, "dcc:noQuantity", lambda: tr("not determined: {why}", why=reasons() or tr("see the report")))
     else:
-        if finding.flags or not finding.u:
-            say(made, "dcc:description", lambda: reasons() or tr("its uncertainty is not determined"))
+        if not finding.u:
+            say(made, "dcc:description", lambda: tr("its uncertainty is not determined"))
+        elif reasons():
+            say(made, "dcc:description", reasons)
         made.append(real(number, finding.id))
     _conditions(made, finding.at, gravity)
     _metadata(made, finding, gravity, is_value=is_value)

@@ -159,6 +159,8 @@ def _stated(laboratory: LaboratoryFile | None) -> dict[str, str]:
     stated = {
         "name": laboratory.name,
         "address": laboratory.address,
+        "country": laboratory.country,
+        "email": laboratory.email or "",
         "place": laboratory.place,
         "environment": laboratory.environment,
         "traceability": laboratory.traceability,
