@@ -110,13 +110,17 @@ def _single(markup: Markup, real: Element, unit: str = "") -> Value:
 
 
 def _uncertainty(markup: Markup, real: Element) -> tuple[Fraction | None, Fraction | None]:
-    for value, factor in _SINGLE:
+    for value, factor in (*_SINGLE, *((value, "") for value in _STANDARD)):
         if markup.all(value, real):
-            return _number(markup, value, real), _factor(markup, factor, real)
-    for value in _STANDARD:
-        if markup.all(value, real):
-            return _number(markup, value, real), Fraction(1)
+            stated = _number(markup, value, real), _number(markup, factor, real) if factor else Fraction(1)
+            return _sound(markup, *stated, real)
     return None, None
+
+
+def _sound(markup: Markup, expanded: Fraction, k: Fraction, at: Element) -> tuple[Fraction, Fraction]:
+    if expanded < 0 or k <= 0:
+        raise markup.problem("has an uncertainty below 0, or a coverage factor that is not above 0", at)
+    return expanded, k
 
 
 def _in_list(markup: Markup, listed: Element) -> Iterator[Value]:
@@ -139,8 +143,8 @@ def _listed(markup: Markup, listed: Element) -> Iterator[Value]:
             expanded = _as_many(markup, _numbers(markup, value, listed), numbers, listed, "uncertainties")
             ks = _as_many(markup, _numbers(markup, factor, listed), numbers, listed, "coverage factors")
     for number, unit, u, k in zip(numbers, units, expanded, ks, strict=True):
-        if u is not None and not (k and k > 0 and u >= 0):
-            raise markup.problem("has an uncertainty below 0, or a coverage factor of 0", listed)
+        if u is not None and k is not None:
+            _sound(markup, u, k, listed)
         yield Value(number, _unit(markup, unit, listed), unit, u, k)
 
 
@@ -160,12 +164,6 @@ def _numbers(markup: Markup, where: str, inside: Element) -> list[Fraction]:
     if not words or len(words) > _MOST:
         raise markup.problem(f"has a list of {len(words)} numbers, 1 to {_MOST} are read", inside)
     return [_read(markup, word, inside) for word in words]
-
-
-def _factor(markup: Markup, where: str, inside: Element) -> Fraction:
-    if (found := _number(markup, where, inside)) <= 0:
-        raise markup.problem("has a coverage factor that is not above 0", inside)
-    return found
 
 
 def _number(markup: Markup, where: str, inside: Element) -> Fraction:
