@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterator, Mapping
 from functools import partial
-from itertools import groupby
 from typing import Any
 
 from bench.certificates import dsi
@@ -57,8 +56,8 @@ def _of_unit(parent: Element, run: StoredRun, entry: ResultEntry, unit: UnitResu
         add(used, "dcc:reference", reference)
     _surroundings(made, run)
     listed, numbers = add(made, "dcc:results"), dwell_numbers(unit)
-    for _, of_quantity in groupby(unit.findings, key=lambda finding: finding.quantity):
-        findings = list(of_quantity)
+    for name in dict.fromkeys(finding.quantity for finding in unit.findings):
+        findings = [finding for finding in unit.findings if finding.quantity == name]
         result = add(listed, "dcc:result")
         say(result, "dcc:name", partial(quantity_of, findings[0]))
         data = add(result, "dcc:data")

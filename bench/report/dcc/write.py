@@ -11,7 +11,7 @@ from lxml import etree
 
 from bench.errors import InputError
 from bench.figures.languages import ENGLISH, language, tr
-from bench.files import write_atomically
+from bench.files import atomic_file, write_atomically
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.report.approval import approval_of
@@ -41,7 +41,8 @@ def write_certificate(run: StoredRun, lang: str = ENGLISH, out: Path | None = No
     with writing(run.folder), language(lang):
         content = certificate_of(run, key)
         if out is not None:
-            write_atomically(out, content)
+            with atomic_file(out) as draft:
+                draft.write_bytes(content)
             return out
         approval = approval_of(run.folder)
         path = run.folder / issued_name(approval["report"] if approval is not None else "", FORM)

@@ -44,7 +44,9 @@ def expected(unit):
     return factor, tuple(powers)
 
 
-UNITS = sorted({*shown_units(), *channel_units(), "µg/Hz^0.5", "rpm", "turn", "ppm/h", "hPa", "°/h^0.5", "mg", "µrad/g"})
+UNITS = sorted(
+    {*shown_units(), *channel_units(), "µg/Hz^0.5", "rpm", "turn", "ppm/h", "hPa", "°/h^0.5", "mg", "µrad/g"}
+)
 
 
 @pytest.mark.parametrize("unit", UNITS)

@@ -16,6 +16,8 @@ EXAMPLES = sorted((ROOT / "config/certificates").glob("*.xml"))
 METER = (ROOT / "config/certificates/meter.xml").read_text("utf-8")
 UNCERTAINTY = re.search("<si:expandedUnc>.*?</si:expandedUnc>", METER, re.DOTALL)[0]  # of the gain
 
+DVM = "{dcc: certificates/meter.xml}"
+
 
 @pytest.fixture
 def bench_with(tmp_path):
@@ -137,7 +139,7 @@ def test_another_coverage_factor_is_kept_and_several_become_2(bench_with):
 def test_quantities_of_others_are_chosen_by_name_and_an_error_has_the_other_sign(bench_with):
     edits = (('refType="itb_gain"', 'refType="basic_measurementError" id="gainerr"'),)
     chosen = "{dcc: certificates/meter.xml, quantities: {gain: gainerr, offset: Constant correction}}"
-    bench = bench_with(*edits, bench=(("{dcc: certificates/meter.xml}", chosen),))
+    bench = bench_with(*edits, bench=((DVM, chosen),))
     assert bench.devices["dvm"].calibration.corrections.gain == 3e-6
 
 
@@ -191,16 +193,16 @@ def test_what_does_not_fit_is_refused_with_file_and_line(bench_with, edits, word
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/metre.xml}", "there is no file 'certificates/metre.xml'"),
-        ("{dcc: certificates/meter.xml}", "{dcc: ../../meter.xml}", "leaves the folder"),
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/meter.xml, k: 2}", "k: is in the certificate"),
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/meter.xml, U: {gain: 1 ppm}}", "and so does U"),
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/meter.xml, U: 3}", "expected keys and their values"),
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/meter.xml, due: 2031-06-01}", "is due on 2030-12-31"),
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/meter.xml, quantities: {gain: gian}}", "no quantity 'gian'"),
-        ("{dcc: certificates/meter.xml}", "{serial: X, U: {gain: 1 ppm}}", "is for a calibration by a certificate file"),
-        ("{dcc: certificates/meter.xml}", "{dcc: 3}", "dcc: is 3, expected the name of a file"),
-        ("{dcc: certificates/meter.xml}", "{dcc: certificates/meter.xml, signed_by: no.pem}", "signed_by: there is no file"),
+        (DVM, "{dcc: certificates/metre.xml}", "there is no file 'certificates/metre.xml'"),
+        (DVM, "{dcc: ../../meter.xml}", "leaves the folder"),
+        (DVM, "{dcc: certificates/meter.xml, k: 2}", "k: is in the certificate"),
+        (DVM, "{dcc: certificates/meter.xml, U: {gain: 1 ppm}}", "and so does U"),
+        (DVM, "{dcc: certificates/meter.xml, U: 3}", "expected keys and their values"),
+        (DVM, "{dcc: certificates/meter.xml, due: 2031-06-01}", "is due on 2030-12-31"),
+        (DVM, "{dcc: certificates/meter.xml, quantities: {gain: gian}}", "no quantity 'gian'"),
+        (DVM, "{serial: X, U: {gain: 1 ppm}}", "is for a calibration by a certificate file"),
+        (DVM, "{dcc: 3}", "dcc: is 3, expected the name of a file"),
+        (DVM, "{dcc: certificates/meter.xml, signed_by: no.pem}", "signed_by: there is no file"),
         (", serial: SIM-PT-01}", "}", "needs the serial number of the instrument"),
         (", serial: SIM-PT-01}", ", serial: SIM-PT-02}", "thermometer.xml:3: is of serial number SIM-PT-01"),
     ],
@@ -241,10 +243,10 @@ def test_a_file_that_is_no_utf_8_or_too_large_or_too_deep_is_refused(tmp_path):
     with pytest.raises(InputError, match="has 1073741824 bytes, at most"):
         read_certificate(path)
     path.write_bytes('<?xml version="1.0" encoding="UTF-16"?>\n<!DOCTYPE x []><x/>'.encode("utf-16"))
-    with pytest.raises(InputError, match="big.xml:1: is not UTF-8"):
+    with pytest.raises(InputError, match=r"big\.xml:1: is not UTF-8"):
         read_certificate(path)
     path.write_text("<a>" * 5000)
-    with pytest.raises(InputError, match="big.xml:1: is not XML"):
+    with pytest.raises(InputError, match=r"big\.xml:1: is not XML"):
         read_certificate(path)
     path.write_text("")
     with pytest.raises(InputError, match="is not XML"):
