@@ -62,8 +62,11 @@ def certificate_of(
     InputError for a run for which no certificate is issued.
     """
     approval = approval if approval is not None else approval_of(run.folder)
-    results = _expect_certifiable(run, approval)
-    assert approval is not None  # noqa: S101  it is certifiable
+    if why := why_none(run, approval):
+        raise InputError(why)
+    assert approval is not None  # noqa: S101  else there is none
+    results = run.evaluate()
+    _expect_as_sealed(run, results)
     name, content = _issued(run, approval, issued)
     root = element("dcc:digitalCalibrationCertificate", schemaVersion=VERSION)
     administrative(root, run, results, approval, is_signed=key is not None)
@@ -79,31 +82,30 @@ def certificate_of(
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
-def _expect_certifiable(run: StoredRun, approval: Mapping[str, Any] | None) -> Results:
-    """Return the results of a run. Raises InputError if no certificate can be issued for it (docs/decisions/0129)."""
+def why_none(run: StoredRun, approval: Mapping[str, Any] | None) -> str:
+    """Return why no certificate can be issued for a run, "" if one can (docs/decisions/0129)."""
     name, manifest = run.folder.name, run.manifest
     if approval is None:
-        raise InputError(
+        return (
             f"{name}: is not approved, and a calibration certificate is of results that a second person has approved "
             "(ISO/IEC 17025, 7.8.1.1). Approve it on the page of the run; --format json has its results"
         )
     if run.damage:
-        raise InputError(f"{name}: is DAMAGED, no certificate is issued for it: {run.damage[0]}")
+        return f"{name}: is DAMAGED, no certificate is issued for it: {run.damage[0]}"
     if manifest["state"] != "completed":
-        raise InputError(
+        return (
             f"{name}: did not complete ({tr(manifest['state'])}), no certificate is issued for it; --format html and "
             "json have what was measured"
         )
     if not approval["laboratory"].get("name"):
-        raise InputError(
+        return (
             f"{name}: was approved without a laboratory, which a certificate needs; name lab.yaml in station.yaml, and "
             "issue the report again on the page of the run"
         )
     results = run.evaluate()
     if not any(unit.findings for unit in results.units) and not results.journal_records.measurements:
-        raise InputError(f"{name}: has no results, no certificate is issued for it")
-    _expect_as_sealed(run, results)
-    return results
+        return f"{name}: has no results, no certificate is issued for it"
+    return ""
 
 
 def _expect_as_sealed(run: StoredRun, results: Results) -> None:

@@ -10,10 +10,15 @@ from bench.certificates.certificate import read_certificate
 from bench.certificates.signature import verified
 from bench.config.bench import load_bench
 from bench.errors import InputError
+from bench.report.revision import issued_name
+from bench.report.revision import verify as intact
+from bench.station.signoff.decisions import SignOff
+from bench.station.storage.database import Database
+from bench.store.seal import file_hash
 from tests.support.certified import approve, approved_copy, certificate
-from tests.support.dcc import errors
+from tests.support.dcc import document, errors, parsed
 from tests.support.runs import ROOT
-from tests.support.signing import key_files
+from tests.support.signing import ISSUE, LABORATORY, approved, key_files
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +155,27 @@ def test_the_command_signs_with_the_key_of_a_station_and_reads_it_back(smoke_cop
     (tmp_path / "station.yaml").write_text(yaml.safe_dump(station))
     done = bench_here(*told, "--sign", str(tmp_path / "station.yaml"))
     assert (done.returncode, "has no signature" in done.stderr) == (2, True)
+
+
+def test_a_station_issues_it_with_the_report_and_binds_both(smoke_copy, tmp_path):
+    database, key = Database(tmp_path), key_files(tmp_path)
+    found = approved(SignOff(database, "L3", LABORATORY), smoke_copy, ISSUE._replace(key=key, dcc=True))
+    database.close()
+    report, made = (smoke_copy / issued_name(found.report, form) for form in ("html", "xml"))
+    assert {report.name, made.name} <= set(found.binds)
+    assert found.binds[made.name] == file_hash(made)
+    assert intact(smoke_copy) == []
+    assert verified(read_certificate(made).markup, tmp_path / "approvals.pem").is_expected
+    assert document(parsed(made.read_bytes())) == (report.name, "text/html", report.read_bytes())
+
+
+def test_a_station_approves_what_can_have_no_certificate(smoke_copy, tmp_path):
+    """A run without the laboratory that a certificate needs."""
+    database = Database(tmp_path)
+    found = approved(SignOff(database, "L3", None), smoke_copy, ISSUE._replace(laboratory=None, dcc=True))
+    database.close()
+    assert issued_name(found.report, "html") in found.binds
+    assert issued_name(found.report, "xml") not in found.binds
 
 
 def test_a_key_that_xml_has_no_method_for_is_refused(tmp_path):

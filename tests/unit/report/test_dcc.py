@@ -188,7 +188,8 @@ def test_a_result_without_a_value_has_words_and_no_number(tumbled, tmp_path, mon
             replace(others[0], value=math.nan),
         )
         altered = replace(known, units=(replace(unit, findings=(*bad, *others[1:])),))
-        monkeypatch.setattr(write, "_expect_certifiable", lambda *_: altered)
+        monkeypatch.setattr(stored, "evaluate", lambda: altered)
+        monkeypatch.setattr(write, "_expect_as_sealed", lambda *_: None)
         content = write.certificate_of(stored)
     (tmp_path / "made.xml").write_bytes(content)
     left_out = [each for each in quantities(parsed(content)) if each.real is None]
