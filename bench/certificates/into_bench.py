@@ -21,8 +21,8 @@ from drivers.schema.suggest import did_you_mean
 
 OWN = "itb_"
 RANGE = f"{OWN}range"
-ERROR = "basic_measurementError"  # reading minus true value
-CORRECTIONS = (f"{OWN}correction", "basic_correction")
+ERRORS = frozenset({"basic_measurementError", "basic_measurementError_error"})  # reading minus true value
+CORRECTIONS = frozenset({f"{OWN}correction", "basic_measurementError_correction"})
 READINGS = ("basic_measuredValue", "basic_nominalValue")
 COMMON = Fraction(2)  # coverage factor of all uncertainties where the certificate has several
 OFFSET = "offset"
@@ -204,7 +204,7 @@ def _correction(certificate: Certificate, want: Wanted, name: str, stated: State
             f"'{stated.title}' is {values[0]}, and there is no correction for it in the bench file; expected 0",
             stated.at,
         )
-    return {name: -values[0] if ERROR in stated.names else values[0]}
+    return {name: -values[0] if ERRORS & stated.names else values[0]}
 
 
 def _table(certificate: Certificate, want: Wanted) -> Table | None:
@@ -216,7 +216,7 @@ def _table(certificate: Certificate, want: Wanted) -> Table | None:
         (stated, readings)
         for stated in certificate.quantities
         if stated.inside is not None
-        and (wanted_name in stated.names if wanted_name else stated.names & {ERROR, *CORRECTIONS})
+        and (wanted_name in stated.names if wanted_name else stated.names & (ERRORS | CORRECTIONS))
         for readings in certificate.quantities
         if readings.inside is stated.inside and readings.names & set(READINGS)
     ]
@@ -245,7 +245,7 @@ def _table(certificate: Certificate, want: Wanted) -> Table | None:
 
 def _rows(table: Table) -> list[dict[str, Quantity]]:
     stated, rows = table
-    sign = -1 if ERROR in stated.names else 1
+    sign = -1 if ERRORS & stated.names else 1
     return [{"at": at.quantity, "add": error.difference * sign} for at, error in rows]
 
 

@@ -94,12 +94,25 @@ def quantities(markup: Markup) -> list[Stated]:
 
 
 def _values(markup: Markup, quantity: Element) -> Iterator[Value]:
-    for real in markup.all("si:real | si:hybrid/si:real[1]", quantity):
-        yield _single(markup, real)
-    for listed in markup.all("si:realListXMLList | si:hybrid/si:realListXMLList[1]", quantity):
-        yield from _listed(markup, listed)
+    for part in [*_readable(markup, quantity), quantity]:  # of a hybrid only one, its parts being equal
+        for real in markup.all("self::si:real | self::dcc:quantity/si:real", part):
+            yield _single(markup, real)
+        for listed in markup.all("self::si:realListXMLList | self::dcc:quantity/si:realListXMLList", part):
+            yield from _listed(markup, listed)
     for listed in markup.all("si:list/si:realList", quantity):
         yield from _in_list(markup, listed)
+
+
+def _readable(markup: Markup, quantity: Element) -> list[Element]:
+    """The first part of a hybrid, such as one in kelvin and in °C, whose unit is known; else its first part."""
+    parts = markup.all("si:hybrid/si:real | si:hybrid/si:realListXMLList", quantity)
+    for part in parts:
+        try:
+            dsi.read(markup.text("si:unit | si:unitXMLList", part).partition(" ")[0])
+        except QuantityError:
+            continue
+        return [part]
+    return parts[:1]
 
 
 def _single(markup: Markup, real: Element, unit: str = "") -> Value:

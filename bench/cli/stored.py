@@ -78,6 +78,7 @@ def report(run: str, runs: Path, form: str, lang: str, out: Path | None, sign: P
     """
     from bench.errors import InputError
     from bench.figures.languages import LANGUAGES
+    from bench.optional import imported
     from bench.reduce.stored_run import open_run
     from bench.report.write import FORMS, write_report
     from bench.store.runs import find_run
@@ -89,6 +90,7 @@ def report(run: str, runs: Path, form: str, lang: str, out: Path | None, sign: P
     key = _key(sign) if sign is not None else None
     with open_run(find_run(run, runs), damaged=damaged) as stored:
         if form == DCC:
+            imported("lxml", DCC)
             from bench.report.dcc.write import write_certificate
 
             say(write_certificate(stored, lang, out, key))

@@ -92,7 +92,7 @@ def _items(parent: Element, run: StoredRun, approval: Mapping[str, Any]) -> None
         if condition := fields.get("condition", ""):
             say(item, "dcc:description", condition)
         contact(item, "dcc:manufacturer", fields.get("model") or NOT_STATED, is_strict=False)
-        identify(item, [("manufacturer", unit["uut"], lambda: tr("Serial number"))])
+        identify(item, [("manufacturer", unit["uut"], lambda: tr("Serial number"))], "basic_serialNumber")
 
 
 def _persons(parent: Element, run: StoredRun, approval: Mapping[str, Any], *, is_signed: bool) -> None:

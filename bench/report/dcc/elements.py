@@ -109,13 +109,13 @@ def decimal(value: float) -> str:
     return repr(float(value) + 0.0)
 
 
-def identify(parent: Element, entries: Iterable[tuple[str, str, Words]]) -> None:
+def identify(parent: Element, entries: Iterable[tuple[str, str, Words]], ref_type: str = "") -> None:
     """Add identifications, each with its issuer, value and name; none without a value."""
     if not (stated := [entry for entry in entries if entry[1]]):
         return
     made = add(parent, "dcc:identifications")
     for issuer, value, name in stated:
-        each = add(made, "dcc:identification")
+        each = add(made, "dcc:identification", refType=ref_type)
         add(each, "dcc:issuer", issuer)
         add(each, "dcc:value", value)
         say(each, "dcc:name", name)

@@ -159,7 +159,7 @@ def _metadata(parent: Element, finding: Finding, gravity: Gravity, *, is_value: 
         add(stated, "dcc:nonSIDefinition", "g: local gravity at the place of the calibration")
         add(stated, "dcc:nonSIUnit", finding.unit)
     if finding.limits is not None and finding.verdict in _CONFORMITY:
-        stated = add(made, "dcc:metaData", refType="itb_conformity")
+        stated = add(made, "dcc:metaData", refType="basic_conformity")
         say(stated, "dcc:declaration", partial(_rule, finding, finding.limits))
         add(stated, "dcc:conformity", _CONFORMITY[finding.verdict])
         _limits(stated, finding, finding.limits, gravity)
@@ -241,6 +241,6 @@ def _measurement(parent: Element, found: Measurement, gravity: Gravity) -> None:
         return
     made.append(real(number, found.step))
     if found.verdict in _CONFORMITY:
-        stated = add(add(made, "dcc:measurementMetaData"), "dcc:metaData", refType="itb_conformity")
+        stated = add(add(made, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_conformity")
         say(stated, "dcc:declaration", lambda: tr("limits: {limits}", limits=found.limits_shown))
         add(stated, "dcc:conformity", _CONFORMITY[found.verdict])

@@ -79,6 +79,39 @@ def test_kelvin_are_read_as_differences_and_as_temperatures(bench_with):
     assert [row.add for row in found.corrections] == [0.12, 0.05, -0.01, -0.06, -0.15]
 
 
+def hybrid(values, unit, others, other_unit):
+    parts = ((values, unit), (others, other_unit))
+    lists = "".join(
+        f"<si:realListXMLList><si:valueXMLList>{each}</si:valueXMLList><si:unitXMLList>{known}</si:unitXMLList>"
+        "</si:realListXMLList>" for each, known in parts
+    )  # fmt: skip
+    return f"<si:hybrid>{lists}</si:hybrid>"
+
+
+@pytest.mark.parametrize(
+    "first",
+    [("218.15 253.15 293.15 333.15 378.15", r"\kelvin"), ("-67 -4 68 140 221", r"\fahrenheit")],
+)
+def test_of_a_value_in_two_units_the_first_that_is_known_counts(bench_with, first):
+    """As in the good practice for temperature: kelvin and °C, with the calibration points as metadata."""
+    text = (ROOT / "config/certificates/thermometer.xml").read_text("utf-8")
+    old = re.search(r"<si:realListXMLList>.*?</si:realListXMLList>", text, re.DOTALL)[0]
+    celsius = ("-55 -20 20 60 105", r"\degreecelsius")
+    meta = (
+        "<dcc:measurementMetaData><dcc:metaData><dcc:data><dcc:quantity refType='basic_measuredValue'>"
+        f"{hybrid('1 2', '.', '3 4', '.')}</dcc:quantity></dcc:data></dcc:metaData></dcc:measurementMetaData>"
+    )
+    bench = bench_with((old, hybrid(*first, *celsius) + meta), file="thermometer.xml")
+    rows = bench.readings["unit_temperature"].calibration.corrections
+    assert [row.at for row in rows] == pytest.approx([-55, -20, 20, 60, 105])
+
+
+def test_a_table_of_corrections_has_the_other_sign(bench_with):
+    names = ("basic_measurementError", "basic_measurementError_correction")
+    rows = bench_with(names, file="thermometer.xml").readings["unit_temperature"].calibration.corrections
+    assert [row.add for row in rows] == [-0.12, -0.05, 0.01, 0.06, 0.15]
+
+
 def test_a_list_of_single_values_is_read(bench_with):
     listed = """<si:list>
                 <si:realList>

@@ -127,6 +127,17 @@ def test_conditions_and_units_are_of_the_si(tumbled, found):
                 assert condition.uncertainty == pytest.approx(2 * finding["at"]["temperature_u_c"])
 
 
+def test_a_report_that_replaces_another_names_it_with_its_hash(smoke_copy, tmp_path):
+    old = "L3-2026-00001-XXXXX"
+    (smoke_copy / issued_name(old, "pdf")).write_bytes(b"%PDF earlier")
+    content = certificate(approve(smoke_copy, replaces=old))
+    previous = parsed(content).find(".//{https://ptb.de/dcc}previousReport")
+    assert text_of(previous, "referralID") == old
+    assert text_of(previous, "value") == hashlib.sha256(b"%PDF earlier").hexdigest()
+    (tmp_path / "made.xml").write_bytes(content)
+    assert errors(tmp_path / "made.xml") == []
+
+
 def test_names_are_in_both_languages(found):
     assert all(each.names.keys() == {"zh", "en"} for each in found)
     assert sum(each.names["zh"] != each.names["en"] for each in found) == len(found)
