@@ -184,17 +184,18 @@ def _rule(finding: Finding, limits: Limits) -> str:
 
 def _limits(parent: Element, finding: Finding, limits: Limits, gravity: Gravity) -> None:
     factor, unit = scale(finding.unit, gravity)
-    sides = {
-        "least": limits.low,
-        "greatest": limits.high,
-        "greatest standard uncertainty": limits.u_allowed(finding.value),
-    }
-    stated = {name: side for name, side in sides.items() if side is not None}
-    if not stated:
+    kind = "basic_acceptanceLimit" if limits.guard_k is None else "itb_limit"  # guarded, acceptance is narrower
+    sides = (
+        ("least", f"{kind}Lower", limits.low),
+        ("greatest", f"{kind}Upper", limits.high),
+        ("greatest standard uncertainty", "itb_limitUncertainty", limits.u_allowed(finding.value)),
+    )
+    if all(side is None for _, _, side in sides):
         return
     made = add(parent, "dcc:data")
-    for name, side in stated.items():
-        quantity(made, partial(tr, name), Number(factor * side, unit))
+    for name, ref_type, side in sides:
+        if side is not None:
+            quantity(made, partial(tr, name), Number(factor * side, unit), refType=ref_type)
 
 
 def _calibration_file(parent: Element, run: StoredRun, unit: UnitResult) -> None:
