@@ -107,7 +107,7 @@ def block_of(certificate: Certificate, want: Wanted, serial: str) -> Block:
     scalars, table = _scalars(certificate, want), _table(certificate, want)
     used = [value for stated in scalars.values() for value in stated.values]
     used += [error for _, error in table[1]] if table is not None else []
-    if not used:
+    if not used and want.uncertainties:  # others have no values that enter a result
         names = ", ".join(f"{OWN}{name}" for name in want.uncertainties)
         raise markup.problem(
             f"has none of the quantities {names}, and no table of errors; name those it has under 'quantities' "
@@ -132,6 +132,10 @@ def _of_table(
     """Uncertainty that a table states for the key offset; raises InputError if there is no such key, nor another."""
     stated, rows = table
     if OFFSET in want.uncertainties:
+        if OFFSET in want.stated:
+            raise certificate.markup.problem(
+                f"states {OFFSET}, and so does U of the bench file; remove it there", stated.at
+            )
         greatest = max((error.uncertainty(k) for _, error in rows), key=lambda each: each.base_value)
         return {} if OFFSET in known else {OFFSET: greatest}
     if not known:
@@ -148,10 +152,13 @@ Table = tuple[Stated, list[tuple[Value, Value]]]
 
 def _scalars(certificate: Certificate, want: Wanted) -> dict[str, Stated]:
     own = {name for each in certificate.quantities for name in each.names if name.startswith(OWN)}
-    known = {f"{OWN}{name}" for name in (*want.uncertainties, *want.corrections)} | {RANGE, *CORRECTIONS}
+    known = {f"{OWN}{name}" for name in want.uncertainties} | {RANGE, *CORRECTIONS}
     for name in sorted(own - known):
         at = next(each.at for each in certificate.quantities if name in each.names)
         raise certificate.markup.problem(f"this instrument has no quantity '{name}'{did_you_mean(name, known)}", at)
+    keys = {*want.uncertainties, want.table} - {""}
+    for name in sorted(set(want.chosen) - keys):
+        raise certificate.markup.problem(f"quantities: this instrument has no key '{name}'{did_you_mean(name, keys)}")
     found = {}
     for name, unit in want.uncertainties.items():
         stated = _one(certificate, want.chosen.get(name, f"{OWN}{name}"), needed=name in want.chosen)

@@ -97,19 +97,23 @@ def _embedded(markup: Markup, signature: Element) -> Certificate:
 
 def _verify(markup: Markup, signature: Element, certificate: Certificate) -> None:
     from cryptography.exceptions import InvalidSignature as WrongSignature
-    from signxml.exceptions import SignXMLException
+    from signxml.exceptions import InvalidInput, SignXMLException
     from signxml.verifier import SignatureConfiguration, XMLVerifier
 
     stated = signature.find(SIGNING_TIME)
     config = SignatureConfiguration(expect_references=False, verification_time=_instant(stated))
     try:
         results = XMLVerifier().verify(markup.content, x509_cert=certificate, expect_config=config)
+    except InvalidInput as problem:
+        raise markup.problem(f"has a signature that cannot be verified ({problem})", signature) from None
     except (SignXMLException, WrongSignature, ValueError, etree.LxmlError) as problem:
         raise markup.problem(
             f"has an invalid signature ({problem}): it was changed after it was signed", signature
         ) from None
     parts = results if isinstance(results, list) else [results]
-    if not any(part.signed_xml is not None and part.signed_xml.tag == ROOT for part in parts):
+    # the reference by an empty URI is to the document, those by an id could be to a copy of another one inside
+    is_whole = bool(markup.all("ds:SignedInfo/ds:Reference[@URI = '']", signature))
+    if not (is_whole and any(part.signed_xml is not None and part.signed_xml.tag == ROOT for part in parts)):
         raise markup.problem("has a signature that does not cover the whole certificate", signature)
 
 

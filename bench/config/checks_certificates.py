@@ -19,7 +19,9 @@ def range_misfits(bench: BenchFile) -> Iterator[Problem]:
     """Yield instruments whose measuring range is not within that of their certificate."""
     for role, entry in bench.devices.items():
         used = _measured(entry)
-        if used is not None and (words := _beyond(entry.calibration, -used, used)):
+        if used is not None and (
+            words := _of_others(entry.calibration, used) or _beyond(entry.calibration, -used, used)
+        ):
             yield ("devices", role, "options", "range"), f"range: {words}; give it the certificate of this range"
 
 
@@ -55,6 +57,14 @@ def _unit(model: type, name: str) -> str:
 def _in(unit: str, number: float) -> Quantity:
     known = parse_unit(unit)
     return Quantity(number * float(known.factor), known.dimension)
+
+
+def _of_others(calibration: Calibration | None, used: Quantity) -> str:
+    """Return in words that a certificate covers readings of another kind; "" if it does not."""
+    covers = None if calibration is None or calibration.dcc is None else calibration.dcc.covers
+    if calibration is None or covers is None or covers[0].dimension == used.dimension:
+        return ""
+    return f"certificate {calibration.certificate} covers {spell(covers[0])} to {spell(covers[1])} only"
 
 
 def _beyond(calibration: Calibration | None, low: Quantity, high: Quantity) -> str:

@@ -24,7 +24,8 @@ def bench_with(tmp_path):
     """Return a function that edits a certificate, the bench file, or both, and loads the bench."""
     shutil.copytree(ROOT / "config", tmp_path / "config")
 
-    def loaded(*edits, file="meter.xml", bench=()):
+    def loaded(*edits, file="meter.xml", bench=(), extra=""):
+        (tmp_path / "config/certificates/c.xml").write_text(extra, "utf-8")
         for path, pairs in ((tmp_path / "config/certificates" / file, edits), (BENCH(tmp_path), bench)):
             text = path.read_text("utf-8")
             for old, new in pairs:
@@ -209,6 +210,7 @@ def test_a_period_of_validity_gives_the_due_date(bench_with):
         ([("endPerformanceDate>2025-12-16", "endPerformanceDate>16.12.2025")], "'16.12.2025' is not a date"),
         ([("<dcc:uniqueIdentifier>SIM-2026-0205</dcc:uniqueIdentifier>", "")], "has no uniqueIdentifier"),
         ([("-10 10", "-10 0 10")], "has 3 values, 2 of one unit are needed"),
+        ([(r"\volt</si:unitXMLList>", r"\ampere</si:unitXMLList>")], "range: certificate SIM-2026-0205 covers -10 A"),
         ([("-10 10", "-1 1")], "range: certificate SIM-2026-0205 covers -1 V to 1 V only"),
         ([("digitalCalibrationCertificate", "certificate")], "is no digital calibration certificate"),
         ([("</dcc:administrativeData>", "")], "is not XML"),
@@ -232,6 +234,8 @@ def test_what_does_not_fit_is_refused_with_file_and_line(bench_with, edits, word
         (DVM, "{dcc: certificates/meter.xml, U: {gain: 1 ppm}}", "and so does U"),
         (DVM, "{dcc: certificates/meter.xml, U: 3}", "expected keys and their values"),
         (DVM, "{dcc: certificates/meter.xml, due: 2031-06-01}", "is due on 2030-12-31"),
+        (DVM, "{dcc: certificates/meter.xml, quantities: {gian: x}}", "no key 'gian'; did you mean 'gain'?"),
+        ("thermometer.xml,", "thermometer.xml, U: {offset: 1 °C},", "states offset, and so does U"),
         (DVM, "{dcc: certificates/meter.xml, quantities: {gain: gian}}", "no quantity 'gian'"),
         (DVM, "{serial: X, U: {gain: 1 ppm}}", "is for a calibration by a certificate file"),
         (DVM, "{dcc: 3}", "dcc: is 3, expected the name of a file"),
@@ -244,6 +248,14 @@ def test_what_is_wrong_in_the_bench_file_is_refused_at_its_line(bench_with, old,
     text = refused(bench_with, bench=((old, new),))
     assert words in text
     assert len(text.splitlines()) == 1
+
+
+def test_an_instrument_without_values_takes_number_and_dates(bench_with):
+    safe = "    safe: {temperature: 25 °C}\n"
+    chamber = (safe, f"{safe}    calibration: {{dcc: certificates/c.xml}}\n")
+    text = METER.replace("SIM-3458A-01", "SIM-F4T-01").replace("itb_gain", "gain").replace("itb_offset", "offset")
+    found = bench_with(extra=text, bench=(chamber,)).devices["chamber"].calibration
+    assert (found.certificate, str(found.due)) == ("SIM-2026-0205", "2030-12-31")
 
 
 def test_limits_beyond_a_certificate_are_a_warning(bench_with, tmp_path):

@@ -110,6 +110,27 @@ def test_a_signature_of_a_part_is_not_one_of_the_certificate(tmp_path):
         verified(read_certificate(tmp_path / "part.xml").markup)
 
 
+def test_a_signed_certificate_inside_another_one_is_not_its_signature(tmp_path):
+    """The whole certificate is signed by its id, and then hidden in one with other values."""
+    from cryptography.hazmat.primitives import serialization
+    from lxml import etree
+    from signxml import XMLSigner
+    from signxml.algorithms import SignatureMethod
+
+    key_files(tmp_path)
+    key = serialization.load_pem_private_key((tmp_path / "approvals.key").read_bytes(), None)
+    content = (ROOT / "config/certificates/meter.xml").read_bytes()
+    root = etree.fromstring(content)
+    root.set("Id", "whole")
+    signer = XMLSigner(signature_algorithm=SignatureMethod.ECDSA_SHA256)
+    made = signer.sign(root, key=key, cert=(tmp_path / "approvals.pem").read_text(), reference_uri="#whole")
+    outer = etree.fromstring(content.replace(b"8e-6", b"1e-9"))
+    etree.SubElement(outer, "{https://ptb.de/dcc}comment").append(made)
+    (tmp_path / "outer.xml").write_bytes(etree.tostring(outer))
+    with pytest.raises(InputError, match="does not cover the whole certificate"):
+        verified(read_certificate(tmp_path / "outer.xml").markup, tmp_path / "approvals.pem")
+
+
 def test_a_bench_takes_a_signed_certificate_and_refuses_a_changed_one(signed, tmp_path):
     """An example, signed by its laboratory; then with a smaller uncertainty."""
     from lxml import etree
