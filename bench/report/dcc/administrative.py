@@ -20,7 +20,6 @@ from bench.store.seal import file_hash
 
 UNKNOWN_COUNTRY = "ZZ"  # of ISO 3166-1, for users' own use
 SIMULATED = "SIMULATED-"  # before the number of a certificate that is none
-NOT_STATED = "not stated"
 
 
 def administrative(
@@ -39,8 +38,12 @@ def administrative(
         add(issuer, "dcc:calibrationLaboratoryCode", accreditation)
     contact(issuer, "dcc:contact", laboratory["name"], laboratory.get("address", ""), laboratory.get("email", ""))
     _persons(made, run, approval, is_signed=is_signed)
-    contact(made, "dcc:customer", fields.get("customer") or NOT_STATED, fields.get("customer_address", ""))
+    contact(made, "dcc:customer", fields.get("customer") or _not_stated, fields.get("customer_address", ""))
     _statements(made, run, results, approval)
+
+
+def _not_stated() -> str:
+    return tr("not stated")
 
 
 def number_of(run: StoredRun, approval: Mapping[str, Any]) -> str:
@@ -91,7 +94,7 @@ def _items(parent: Element, run: StoredRun, approval: Mapping[str, Any]) -> None
         say(item, "dcc:name", partial(tr, unit["type"]))
         if condition := fields.get("condition", ""):
             say(item, "dcc:description", condition)
-        contact(item, "dcc:manufacturer", fields.get("model") or NOT_STATED, is_strict=False)
+        contact(item, "dcc:manufacturer", fields.get("model") or _not_stated, is_strict=False)
         identify(item, [("manufacturer", unit["uut"], lambda: tr("Serial number"))], "basic_serialNumber")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from bench.figures.languages import ENGLISH, current, language
 from bench.metrology.results.coverage import PROBABILITY
 from bench.metrology.results.finding import CONFIDENCE
 
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters that XML cannot have
 Words = Callable[[], str]
 """A text in the current language."""
 
@@ -41,7 +43,7 @@ def element(name: str, text: str = "", **attributes: str) -> Element:
     """Return an element, such as dcc:name, with the namespaces of certificates."""
     prefix, _, local = name.partition(":")
     made = etree.Element(f"{{{NAMES[prefix]}}}{local}", {key: each for key, each in attributes.items() if each}, NAMES)
-    made.text = text or None
+    made.text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text) or None
     return made
 
 
@@ -122,7 +124,7 @@ def identify(parent: Element, entries: Iterable[tuple[str, str, Words]], ref_typ
 
 
 def contact(
-    parent: Element, tag: str, name: str, address: str = "", email: str = "", *, is_strict: bool = True
+    parent: Element, tag: str, name: Words | str, address: str = "", email: str = "", *, is_strict: bool = True
 ) -> Element:
     """Add a person or an organisation; a strict one has an e-mail address and a location, empty if not stated."""
     made = add(parent, tag)

@@ -28,7 +28,7 @@ from bench.sequence.method import known_methods
 from drivers.quantity.units import QuantityError
 
 # Units of the conditions of a result, by the ends of their names.
-_CONDITIONS = {"_c": "°C", "_deg": "°", "_dps": "°/s", "_g": "g", "_hz": "Hz", "_s": "s", "_a": "A"}
+_CONDITIONS = {"c": "°C", "deg": "°", "dps": "°/s", "g": "g", "hz": "Hz", "s": "s", "a": "A"}
 _CONFORMITY = {"PASS": "pass", "FAIL": "fail"}
 
 
@@ -138,13 +138,15 @@ def _conditions(parent: Element, at: Mapping[str, Any], gravity: Gravity) -> Non
 
 
 def _numbers(at: Mapping[str, Any], gravity: Gravity) -> Iterator[tuple[str, Number]]:
+    """Conditions with their units; temperature_u_c is the standard uncertainty of temperature_c."""
     for key, value in at.items():
-        unit = next((unit for end, unit in _CONDITIONS.items() if key.endswith(end)), None)
-        if unit is None or key.endswith(f"_u{key[key.rfind('_') :]}") or not isinstance(value, (int, float)):
+        name, _, end = key.rpartition("_")
+        if end not in _CONDITIONS or name.endswith("_u") or not isinstance(value, (int, float)):
             continue
-        factor, text = scale(unit, gravity)
-        uncertain = at.get(f"{key[: key.rfind('_')]}_u{key[key.rfind('_') :]}") or 0.0
-        yield key, Number(factor * value, text, factor * uncertain)
+        factor, text = scale(_CONDITIONS[end], gravity)
+        number = Number(factor * value, text, factor * (at.get(f"{name}_u_{end}") or 0.0))
+        if number.is_finite:
+            yield key, number
 
 
 def _metadata(parent: Element, finding: Finding, gravity: Gravity, *, is_value: bool) -> None:

@@ -127,6 +127,11 @@ def test_conditions_and_units_are_of_the_si(tumbled, found):
                 assert condition.uncertainty == pytest.approx(2 * finding["at"]["temperature_u_c"])
 
 
+def test_characters_that_xml_cannot_have_do_not_break_it(smoke_copy):
+    content = certificate(approve(smoke_copy, by="boris\x0b\x00"))
+    assert text_of(parsed(content), "administrativeData/respPersons/respPerson/person") == "boris\ufffd\ufffd"
+
+
 def test_a_report_that_replaces_another_names_it_with_its_hash(smoke_copy, tmp_path):
     old = "L3-2026-00001-XXXXX"
     (smoke_copy / issued_name(old, "pdf")).write_bytes(b"%PDF earlier")
