@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.methods.rate_table.reduction.samples import TableSamples
 from bench.methods.rate_table.reduction.sine_fit import find_frequency, resolved
@@ -84,7 +85,7 @@ def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> t
     return lagging - charge, stroke
 
 
-def _stroke(charge: Array, turns: Array) -> float:
+def _stroke(charge: Array, turns: NDArray[np.intp]) -> float:
     """Least change of a charge over one period (n,) from one reversal to the next; that of a period without any."""
     if not len(turns):
         return float(abs(charge[-1] - charge[0]))
