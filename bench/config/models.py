@@ -232,6 +232,13 @@ class BenchFile(StrictModel):
         sent = self.sent_units(self.places[place])
         return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", Counted.unit)
 
+    def circuit_unit(self, place: str) -> str | None:
+        """Return the unit of the temperature circuit of the unit in a place; None without one."""
+        circuit = self.places[place].circuit
+        reading = None if circuit is None else self.readings.get(circuit.output)
+        device = None if reading is None else self.devices.get(reading.device)
+        return None if reading is None or device is None else device.channels.get(reading.channel)
+
     def sample_of(self, entry: PlaceEntry) -> Sampled | None:
         """Return the telemetry channel on which a unit sends its output, or None.
 

@@ -11,7 +11,7 @@ squared.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +31,23 @@ class CountRecord:
     """Readings of counters and thermometer at increasing times, (n,) each.
 
     `net_pulses` (n - 1,) of each channel are those between two readings, positive less negative, NaN if unknown.
-    Between two readings the temperature is their mean.
+    Between two readings the temperature is their mean. `own_c` are the temperatures of channels with a thermometer of
+    their own.
     """
 
     time_s: Array
     temperature_c: Array
     net_pulses: Mapping[str, Array]
+    own_c: Mapping[str, Array] = field(default_factory=dict)
+
+    def between_c(self, channel: str) -> Array:
+        """Temperature of a channel in each interval, (n - 1,)."""
+        read_c = self.own_c.get(channel, self.temperature_c)
+        return np.asarray((read_c[1:] + read_c[:-1]) / 2)
+
+    def output_pps(self, channel: str) -> Array:
+        """Mean output of a channel in each interval, (n - 1,)."""
+        return np.asarray(_charge(self.net_pulses[channel]) / np.diff(self.time_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +111,8 @@ def specific_forces(
     `channels` contains the channels of their cross-coupling, and `record` all of them.
     """
     seconds = np.diff(record.time_s)
-    between_c = (record.temperature_c[1:] + record.temperature_c[:-1]) / 2
     axes = {
-        name: _Axis.of(known, _charge(record.net_pulses[name]) / seconds, between_c, beyond)
+        name: _Axis.of(known, record.output_pps(name), record.between_c(name), beyond)
         for name, known in channels.items()
     }
     forces = {name: axis.uncoupled_g for name, axis in axes.items()}

@@ -1,6 +1,7 @@
-"""Record of the counters of a unit in motion: times, one temperature, and the counts of each channel, from a CSV file.
+"""Record of the counters of a unit in motion: times, temperatures, and the counts of each channel, from a CSV file.
 
-A channel `x` is a column `x` of net counts, or two columns `x_pos` and `x_neg`; all are cumulative.
+A channel `x` is a column `x` of net counts, or two columns `x_pos` and `x_neg`; all are cumulative. The temperature is
+a column `T_C`, or `x_T_C` of the sensor of one channel.
 """
 
 from __future__ import annotations
@@ -50,25 +51,30 @@ def read_counts(path: Path, channels: Sequence[str], counter_bits: int | None, *
     """
     header = read_header(path)
     of_channels = {channel: _columns_of(path, channel, header) for channel in channels}
-    names = [TIME, *([TEMPERATURE] if is_warm else []), *(name for each in of_channels.values() for name in each)]
-    _expect(path, names[: 2 if is_warm else 1], header)
+    own = {channel: name for channel in channels if is_warm and (name := f"{channel}_{TEMPERATURE}") in header}
+    warm = [*([TEMPERATURE] if is_warm and len(own) < len(channels) else []), *own.values()]
+    names = [TIME, *warm, *(name for each in of_channels.values() for name in each)]
+    _expect(path, names[: 1 + len(warm)], header)
     columns = dict(zip(names, read_numbers(path, names).T, strict=True))
-    needed = [name for name in names if name != TEMPERATURE]
+    needed = [name for name in names if name not in warm]
     complete = np.all([np.isfinite(columns[name]) for name in needed], axis=0)
     if np.count_nonzero(complete) < 2:
         raise InputError(
             f"{path.name}: has fewer than two rows with {', '.join(needed)}; there is nothing to integrate"
         )
-    temperature_c = _temperature_c(path, columns) if is_warm else np.zeros(len(complete))
+    read_c = {name: _temperature_c(path, columns, name) for name in warm}
+    columns |= read_c
     if not complete.all():
-        columns, temperature_c = {name: each[complete] for name, each in columns.items()}, temperature_c[complete]
+        columns = {name: each[complete] for name, each in columns.items()}
     time_s = columns[TIME]
     _expect_increasing(path, time_s)
     pulses = {
         channel: _net_pulses(path, {name: columns[name] for name in own}, time_s, counter_bits)
         for channel, own in of_channels.items()
     }
-    return marked(CountRecord(time_s, temperature_c, pulses), int(np.count_nonzero(~complete)))
+    temperature_c = columns[warm[0]] if warm else np.zeros(len(time_s))
+    own_c = {channel: columns[name] for channel, name in own.items()}
+    return marked(CountRecord(time_s, temperature_c, pulses, own_c), int(np.count_nonzero(~complete)))
 
 
 def marked(record: CountRecord, left_out: int = 0) -> CountSeries:
@@ -121,14 +127,14 @@ def _expect_increasing(path: Path, time_s: Array) -> None:
         )
 
 
-def _temperature_c(path: Path, columns: dict[str, Array]) -> Array:
+def _temperature_c(path: Path, columns: dict[str, Array], name: str) -> Array:
     """Temperature (n,) of each row, linear in time between those that have a possible one, and constant beyond."""
-    read_c, time_s = columns[TEMPERATURE], columns[TIME]
+    read_c, time_s = columns[name], columns[TIME]
     usable = np.isfinite(time_s) & np.isfinite(read_c) & ~beyond_possible(read_c)
     if not usable.any():
         lowest = np.nanmin(read_c) if np.isfinite(read_c).any() else np.nan
         why = "is blank" if np.isnan(lowest) else f"has {lowest:.6g} and more: is it in kelvin? Write °C"
-        raise InputError(f"{path.name}: column T_C {why}; the calibration depends on the temperature")
+        raise InputError(f"{path.name}: column {name} {why}; the calibration depends on the temperature")
     if usable.all():
         return read_c
     return np.interp(time_s, time_s[usable], read_c[usable])

@@ -103,7 +103,7 @@ def converted(calibration: CalibrationFile, name: str, series: CountSeries, want
         columns += _columns(channel, force, gravity, wanted)
     marks = {"extrapolated": np.concatenate(([False], outside)), "gap": series.gap, "glitch": series.glitch}
     columns += [(name, "%d", mask) for name, mask in marks.items()]
-    remarks = [*_remarks(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
+    remarks = [*remarks_on(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
     return Motion(columns, [f"{name}: {remark}" for remark in remarks])
 
 
@@ -174,7 +174,7 @@ def _expect_at_start(file: str, channel: str, forces: Mapping[str, SpecificForce
     raise InputError(f"{file}: channel {channel} begins with {found_g:.6g} g, not with {expected_g:g} g; {why}")
 
 
-def _remarks(series: CountSeries, extrapolated: NDArray[np.bool_]) -> Iterator[str]:
+def remarks_on(series: CountSeries, extrapolated: NDArray[np.bool_]) -> Iterator[str]:
     """Remarks on rows that were left out or are marked."""
     time_s = series.record.time_s
     if series.left_out:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from bench.errors import InputError
 from bench.metrology.acquisition import Acquisition, Array, Counts, Integers
+from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.pulse_counts import steps_of
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.temperature_checks import beyond_possible
@@ -23,7 +24,8 @@ MOST_NAMED = 5  # steps in a message
 def counted_in_run(stored: StoredRun, uut: str, channels: Sequence[str], step: str | None) -> CountSeries:
     """Counts of the unit `uut` in an acquisition, by the clock of the counter, with its own temperature.
 
-    The temperature is that of the converter if it has a thermometer. Raises InputError without such a step or unit.
+    The temperature is that of the converter if it has a thermometer, of an inertial unit else that of each sensor.
+    Raises InputError without such a step or unit.
     """
     labels = dict.fromkeys(label for entry in stored.sequence.results for label in entry.labels)
     for label in labels:
@@ -41,6 +43,15 @@ def counted_in_run(stored: StoredRun, uut: str, channels: Sequence[str], step: s
     raise InputError(f"{stored.folder.name}: {which}. It has {', '.join(steps[:MOST_NAMED])}{more}")
 
 
+def other_thermometers(stored: StoredRun, uut: str, channels: Mapping[str, Compensation]) -> Iterator[str]:
+    """Remarks on channels that a run reads by another thermometer than their calibration."""
+    places = {serial: place for place, serial in stored.serials.items()}
+    read_by = stored.bench.places[places[uut]].at_sensors if uut in places else {}
+    for name, known in channels.items():
+        if known.thermometer and read_by.get(name, known.thermometer) != known.thermometer:
+            yield f"{name} is calibrated over {known.thermometer}; here its temperature is that of {read_by[name]}"
+
+
 def _record(acquisition: Acquisition, unit: UnitUnderTest, channels: Sequence[str]) -> CountRecord:
     """Counts at the latches that all channels have. Raises InputError if they are not usable."""
     counts = [acquisition.counts[unit.channels.get(name, unit.channel)] for name in channels]
@@ -56,7 +67,15 @@ def _record(acquisition: Acquisition, unit: UnitUnderTest, channels: Sequence[st
     seconds = np.asarray(steps_of(first.tick[rows], first.tick_bits) * first.tick_period_s, np.float64)
     pulses = {name: _net_pulses(each, common, seconds) for name, each in zip(channels, counts, strict=True)}
     time_s = np.concatenate(([0.0], np.cumsum(seconds)))
-    return CountRecord(time_s, _temperature_c(acquisition, unit, first.host_s[rows]), pulses)
+    host_s = first.host_s[rows]
+    if unit.converter or not unit.channels:
+        return CountRecord(time_s, _temperature_c(acquisition, unit.converter or unit.temperature, host_s), pulses)
+    read_c = {
+        reading: _temperature_c(acquisition, reading, host_s)
+        for reading in dict.fromkeys(unit.thermometer(name) for name in channels)
+    }
+    own_c = {name: read_c[unit.thermometer(name)] for name in channels}
+    return CountRecord(time_s, own_c[channels[0]], pulses, own_c)
 
 
 def _net_pulses(counts: Counts, common: Integers, seconds: Array) -> Array:
@@ -67,9 +86,8 @@ def _net_pulses(counts: Counts, common: Integers, seconds: Array) -> Array:
     return np.where(unknown, np.nan, (positive - negative).astype(np.float64))
 
 
-def _temperature_c(acquisition: Acquisition, unit: UnitUnderTest, at_s: Array) -> Array:
-    """Temperature of the unit at times of the host, linear between its readings."""
-    name = unit.converter or unit.temperature
+def _temperature_c(acquisition: Acquisition, name: str, at_s: Array) -> Array:
+    """Temperature by a reading at times of the host, linear between its values."""
     read_c, read_s = acquisition.temperatures_c.get(name), acquisition.temperatures_at_s.get(name)
     usable = np.zeros(0, np.bool_) if read_c is None else np.isfinite(read_c) & ~beyond_possible(read_c)
     if read_c is None or read_s is None or not usable.any():

@@ -64,7 +64,7 @@ def test_each_channel_has_its_own_frames() -> None:
 
 
 def test_temperatures_are_read_beside_them() -> None:
-    found = readings_of(DBC.fields_in("°C"), frames(*FOUR))
+    found = readings_of(DBC.readings, frames(*FOUR))
     assert found["Housekeeping.Sensor"][1].tolist() == pytest.approx([25.0])
     assert found["Housekeeping.Board"][1].tolist() == pytest.approx([-40.12])
     assert found["Housekeeping.Board"][0].tolist() == [0.02]

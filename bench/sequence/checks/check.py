@@ -131,8 +131,13 @@ def _drifts(entry: ResultEntry, method: MethodDescription, bench: BenchFile | No
 
 def _units(method: MethodDescription, bench: BenchFile | None) -> list[Mapping[str, str]]:
     """Units of the results for each kind of unit on a bench; without one, for every output that there is."""
-    on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
-    return [method.units(*each) for each in sorted(on_bench) or [(unit, unit) for unit in OUTPUT_UNITS]]
+    if bench is None or not bench.places:
+        return [method.units(unit) for unit in OUTPUT_UNITS]
+    on_bench = {
+        (bench.output_unit(place), bench.gyro_output_unit(place), bench.circuit_unit(place) or "")
+        for place in bench.places
+    }
+    return [method.units(*each) for each in sorted(on_bench)]
 
 
 def _no_result(name: str, method: MethodDescription) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from bench.methods.imu.reduction.budget import gyro_scale_unit
 from bench.methods.imu.reduction.calibrate import ImuCalibration
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable
+from bench.methods.imu.reduction.regressed import Regressed, left_outs, nominal_output
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.least_squares import Array
@@ -29,6 +30,7 @@ class UserModels:
     unit: UnitUnderTest
     found: ImuCalibration
     at_visits: Sequence[Finding]
+    outputs: Mapping[tuple[str, int], Regressed]
 
     def models(self) -> Iterator[KnotModel]:
         """Offset and scale factor of each channel."""
@@ -47,7 +49,12 @@ class UserModels:
                 if pair is not None:
                     offset, scale = pair
                     force = force_terms(axis, findings) if sensor == "acc" and self.unit.is_counted else None
-                    yield Compensation(f"{sensor}_{name}", output_unit, value_unit, scale, offset, force=force)
+                    channel, output = f"{sensor}_{name}", self.outputs.get((sensor, axis))
+                    yield Compensation(
+                        channel, output_unit, value_unit, scale, offset, force=force,
+                        thermometer=self.unit.thermometer(channel),
+                        nominal=None if output is None else nominal_output(output, sensor, left_outs(findings, name)),
+                    )  # fmt: skip
 
     def _knots(self, sensor: str, axis: int) -> tuple[KnotModel, KnotModel] | None:
         """Knots of zero and scale factor of a channel; None with fewer than two."""

@@ -90,11 +90,10 @@ def _sensors(unit: UnitUnderTest, mount: Mount, kind: Kind, bench: BenchRecord) 
         cosine = float(axis @ up)
         if cosine > ALONG if kind == "gyro" else abs(cosine) < ACROSS:
             name = f"{kind}_{letter}"
-            at_gyros = unit.gyro_temperature if kind == "gyro" else ""
             own = replace(
                 unit, place="/".join(filter(None, (unit.place, mount.name, name))), channel=unit.channels[name],
-                channels={}, temperature=at_gyros or unit.temperature, gyro_temperature="", mount_angle_deg=0.0,
-                arm_m=_arm_m(unit, axis, up),
+                channels={}, temperature=unit.thermometer(name), gyro_temperature="", temperatures={},
+                mount_angle_deg=0.0, arm_m=_arm_m(unit, axis, up),
             )  # fmt: skip
             yield Sensor(name, mount.name, own)
 
