@@ -1,4 +1,7 @@
-"""reduce, compensate: reduction of recorded data and stored runs, and compensation of unit data by calibrations."""
+"""reduce, compensate, certificate: what is done with files, without a bench.
+
+Reduction of recorded data and stored runs, compensation of unit data by calibrations, content of certificates.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from bench.cli import exits
-from bench.cli.commands import Command, argument, option, options, whole_number
+from bench.cli.commands import Command, argument, flag, option, options, whole_number
 from bench.cli.running import ONLY_RESULTS
 from bench.cli.stored import DAMAGED, RUNS
 from bench.cli.streams import remark, say, say_json
@@ -17,7 +20,7 @@ from bench.errors import InputError
 if TYPE_CHECKING:  # imported for types only: the command line starts without numpy
     from bench.metrology.calibration.temperature import Beyond, Compensation
     from bench.offline.calibration_file import CalibrationFile
-    from bench.offline.count_series import CountSeries
+    from bench.offline.motion_series import Series
 
 
 def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
@@ -48,8 +51,9 @@ def compensate(
 ) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature.
 
-    With --to it converts the counts of a unit in motion, in a file or in an acquisition of a run, to specific force or
-    velocity, with the standard uncertainty of each value; or outputs to those at the nominal temperature of the unit.
+    With --to it converts the counts or samples of a unit in motion, in a file or in an acquisition of a run, to
+    specific force or velocity, with the standard uncertainty of each value; or outputs to those at the nominal
+    temperature of the unit.
     """
     from bench.offline.calibration_file import compensated, read_calibration
 
@@ -72,7 +76,7 @@ def compensate(
     if step is None and data.suffix == ".csv":
         found = in_motion(known, data, options)
     else:
-        series = _counted(known, data, axes_of(known), step, runs)
+        series = _recorded(known, data, axes_of(known), step, runs)
         found = converted(known, f"{data.name} {step}", series, options)
     remark(*found.remarks)
     _write(out, found.write)
@@ -107,23 +111,40 @@ def _regress(
     if step is None and data.suffix == ".csv":
         name, series = data.name, read_counts(data, list(channels), counter_bits, is_warm=True)
     else:
-        name, series = f"{data.name} {step}", _counted(known, data, channels, step, runs)
+        name, series = f"{data.name} {step}", _recorded(known, data, channels, step, runs)
     found = regressed_counts(known, name, series, nominal_c, beyond)
     remark(*found.remarks)
     _write(out, found.write)
 
 
-def _counted(
+def _recorded(
     known: CalibrationFile, run: Path, channels: Mapping[str, Compensation], step: str | None, runs: Path
-) -> CountSeries:
-    """Counts of channels of the calibrated unit in an acquisition of a run; remarks on other thermometers."""
-    from bench.reduce.counted import counted_in_run, other_thermometers
+) -> Series:
+    """Output of channels of the calibrated unit in an acquisition of a run; remarks on other thermometers."""
+    from bench.reduce.output_in_run import other_thermometers, output_in_run
     from bench.reduce.stored_run import open_run
     from bench.store.runs import find_run
 
     with open_run(find_run(str(run), runs)) as stored:
         remark(*(f"{run.name}: {each}" for each in other_thermometers(stored, known.uut, channels)))
-        return counted_in_run(stored, known.uut, list(channels), step)
+        return output_in_run(stored, known.uut, channels, step)
+
+
+def certificate(file: Path, signed_by: Path | None, *, as_json: bool) -> None:
+    """Print the content of a Digital Calibration Certificate: its quantities with their names, and its signature.
+
+    A signature is verified; with --signed-by there must be one, by the key of one of those certificates.
+    """
+    from bench.certificates.certificate import read_certificate
+    from bench.certificates.shown import in_words, to_json
+    from bench.certificates.signature import verified
+
+    found = read_certificate(file)
+    signature = verified(found.markup, signed_by)
+    if as_json:
+        say_json(to_json(found, signature))
+    else:
+        say(*in_words(found, signature))
 
 
 def _write(out: Path | None, write: Callable[[TextIO], object]) -> None:
@@ -141,7 +162,7 @@ def _only_in_motion(*given: bool) -> None:
     """Raise InputError if an option is given that needs --to."""
     names = ("--unit", "--counter-bits", "--noise", "--at-start", "--step")
     if wrong := [name for name, is_given in zip(names, given, strict=True) if is_given]:
-        raise InputError(f"{wrong[0]}: is for counts, with --to acceleration or --to velocity")
+        raise InputError(f"{wrong[0]}: needs --to acceleration or --to velocity")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
@@ -208,8 +229,8 @@ COMMANDS = (
         option(
             "--to value|nominal|acceleration|velocity",
             "Result: the value of each row, or the output that it would have at the nominal temperature; or specific "
-            "force or velocity from cumulative counts, in columns t_s, T_C, and CHANNEL, or CHANNEL_pos and "
-            "CHANNEL_neg.",
+            "force or velocity, from columns t_s, T_C, and for each channel CHANNEL with cumulative counts, or "
+            "CHANNEL_pos and CHANNEL_neg, or with samples in volts or codes.",
             choices=("value", "nominal", "acceleration", "velocity"), default="value",
         ),
         option("--unit g|m/s2", "Unit of --to acceleration.", choices=("g", "m/s2"), default="g"),
@@ -223,7 +244,12 @@ COMMANDS = (
             to="at_start",
         ),
         option("--nominal T", 'Temperature of --to nominal, such as "25 °C"; default: that of the calibration.'),
-        option("--step STEP", "With a run: the acquisition whose counts are converted."),
+        option("--step STEP", "With a run: the acquisition whose output is converted."),
         RUNS,
+    )),
+    Command("certificate", certificate, (
+        argument("FILE.xml", "A Digital Calibration Certificate (DCC).", to="file", read=Path),
+        option("--signed-by FILE.pem", "Certificates in PEM: one of them must have signed it.", read=Path),
+        flag("--json", "Print it as JSON.", to="as_json"),
     )),
 )  # fmt: skip

@@ -117,9 +117,10 @@ class UnitUnderTest:
         """Accelerometer channels of an inertial unit, each as a unit with one channel; any other unit itself."""
         if not self.channels:
             return (self,)
-        return tuple(self._alone(f"acc_{axis}") for axis in AXES)
+        return tuple(self.alone(f"acc_{axis}") for axis in AXES)
 
-    def _alone(self, sensor: str) -> UnitUnderTest:
+    def alone(self, sensor: str) -> UnitUnderTest:
+        """One channel of an inertial unit, by its name from acc_x to gyro_z, as a unit with one channel."""
         sent = self.channel_units.get(sensor)
         return replace(
             self, sensor=sensor, channels={}, channel_units={}, channel="" if sent else self.channels[sensor],

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from bench.metrology.calibration.dynamic import DynamicBias
-from bench.metrology.calibration.force_terms import ForceTerms
+from bench.metrology.calibration.force_terms import ForceTerms, Sample
 from bench.metrology.calibration.linearity import RELATIVE, Linearity
 from bench.metrology.calibration.nominal_output import NominalOutput
 from bench.metrology.calibration.response import ResponseCompensation
@@ -109,10 +109,15 @@ class _Force(Tolerant):
     bias_u_g: float = Field(0.0, ge=0)
     scale_u: float = Field(0.0, ge=0)
     valid_g: tuple[float, float]
+    sample: Sample = ""
+    step: float = Field(0.0, ge=0)
 
     def terms(self) -> ForceTerms:
         cross = {name: each.curve() for name, each in self.cross.items()}
-        return ForceTerms(self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u)
+        return ForceTerms(
+            self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u, self.sample,
+            self.step,
+        )  # fmt: skip
 
 
 class _Nominal(Tolerant):

@@ -12,9 +12,9 @@ from bench.errors import InputError
 from bench.metrology.calibration.temperature import Beyond, Compensation
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 from bench.offline.calibration_file import CHANNEL, OUTPUT, TEMPERATURE, CalibrationFile, rows_by_channel, with_columns
-from bench.offline.count_series import CountSeries
 from bench.offline.csv_record import read_table
 from bench.offline.motion import COUNTED, Column, Motion, remarks_on
+from bench.offline.motion_series import Series
 from bench.offline.number_columns import read_header
 from drivers.quantity.quantities import parse
 from drivers.quantity.units import QuantityError
@@ -83,7 +83,7 @@ def counted_channels(calibration: CalibrationFile, nominal_c: Mapping[str, float
 
 
 def regressed_counts(
-    calibration: CalibrationFile, name: str, series: CountSeries, nominal_c: Mapping[str, float], beyond: Beyond
+    calibration: CalibrationFile, name: str, series: Series, nominal_c: Mapping[str, float], beyond: Beyond
 ) -> Motion:
     """Mean pulse rates of the intervals of a record, called `name` in messages, at the nominal temperatures.
 
@@ -95,7 +95,7 @@ def regressed_counts(
     outside = np.zeros(len(seconds), dtype=np.bool_)
     for channel, known in counted_channels(calibration, nominal_c).items():
         value, u, beyond_range = known.regressed(
-            record.output_pps(channel), record.between_c(channel), nominal_c[channel], beyond
+            record.output(channel), record.output_c(channel), nominal_c[channel], beyond
         )
         outside |= beyond_range
         columns.append((f"{channel}_pps", "%.10g", _at_end(value)))

@@ -53,6 +53,10 @@ def _channel(truth: dict, results: dict) -> Iterable[Comparison]:
     return channel.compared(truth, results).values()
 
 
+def _channel_in(folder: Path) -> Iterable[Comparison]:
+    return channel.compare_channel(folder).values()
+
+
 @dataclass(frozen=True)
 class Method:
     """A method as the campaign runs it. Without `compare` its truth needs more than its files: wires alone.
@@ -121,6 +125,10 @@ METHODS = {
         Method("repeatability", "repeatability", "simulated", "quartz_flexure", ACCELEROMETERS, repeatability.compared,
                ("repetitions=6", "steady_within=9 µg", "gate=30 s"), preset=None),
         Method("M0", "channel_full", "channel", "if_channel", ACCELEROMETERS, _channel),
+        Method("M0 volts", "channel_full", "channel_volts", "volts_channel", ACCELEROMETERS, None,
+               of_folder=_channel_in),
+        Method("M0 codes", "channel_full", "channel_telemetry", "digital_channel", ACCELEROMETERS, None,
+               of_folder=_channel_in),
         Method("M0 inertial", "channel_imu", "channel_imu", "imu_channels", ACCELEROMETERS, _channel),
         Method("M1", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.2°")),  # where none saturates
@@ -204,7 +212,7 @@ class Cell:
 
 def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
     """Let a bench file, and the settings of a range or a response, say that the output falls while the input rises."""
-    bench.write_text(re.sub(r"\bK1: (?=\d)", "K1: -", bench.read_text("utf-8")), "utf-8")
+    bench.write_text(re.sub(r"\b(K1|output): (?=\d)", r"\1: -", bench.read_text("utf-8")), "utf-8")
     text, count = re.subn(
         r"(?<=scale: \[)[^]]*", lambda list_: re.sub(r"\b(?=\d+ )", "-", list_[0]),
         (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8"),

@@ -91,10 +91,9 @@ class UserModels:
 def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
     """Quadratic term and cross-coupling of the accelerometer `axis`; None if a visit determined none of them.
 
-    They are means over the visits, with the largest of the uncertainties there: errors of the table are the same at
-    all of them. Bias and scale factor differ from one visit to another, by hysteresis among others, by at most as much
-    as two visits of the first set point did, and between knots by a quarter of the error of a knot that is left out:
-    rectangular distributions.
+    They are means over the visits. Bias and scale factor differ from one visit to another, by hysteresis among others,
+    by at most as much as two visits of the first set point did, and between knots by a quarter of the error of a knot
+    that is left out: rectangular distributions.
     """
     own = [each for each in findings if each.at.get("axis") == AXES[axis]]
     quadratic = _mean([each for each in own if each.quantity == "K2"], "g/g²")
@@ -112,6 +111,19 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
 
 
 def _mean(found: Sequence[Finding], unit: str) -> Constant | None:
+    """Mean over visits, with its standard uncertainty.
+
+    An error of type B is one at all visits. Its share in a result differs from one to another, as readings in the dead
+    band are left out; it is in the mean with the mean of its shares. Scatter is independent.
+    """
     if not found:
         return None
-    return Constant(float(np.mean([each.value for each in found])), unit, max(each.u for each in found))
+    shares: dict[str, list[float]] = {}
+    squares = 0.0
+    for line in (line for each in found for line in each.budget):
+        if line.type == "A":
+            squares += (line.u / len(found)) ** 2
+        else:
+            shares.setdefault(line.source, []).append(line.u)
+    squares += sum((sum(each) / len(found)) ** 2 for each in shares.values())
+    return Constant(float(np.mean([each.value for each in found])), unit, math.sqrt(squares))
