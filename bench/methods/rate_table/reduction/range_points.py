@@ -10,7 +10,7 @@ import numpy as np
 from bench.methods.rate_table.reduction.bias_at_rest import Rest, RestReading, fit_rest
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.samples import Steady, harmonics_u_dps, steady
-from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c, warmed_c
 from bench.metrology.pooled_scatter import Scatter, alike
 from bench.metrology.pulse_counts import mean_rate
 from bench.metrology.results.flag import Flag
@@ -18,7 +18,6 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
 AT_REST_DPS = 0.01
-SIGNIFICANCE = 3.0  # of a change of temperature, over what its thermometer may drift
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +115,7 @@ def range_blocks(
         all_c = temperatures_c(list(warmth), list(warmth.values()), drift_c)
         as_warm_c = dict(zip(warmth, all_c.tolist(), strict=True))
         turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
-        change_c = float(np.nan_to_num(np.ptp(all_c)))
-        found.warmed_c = change_c if change_c > SIGNIFICANCE * float(np.ptp(drift_c)) else 0.0
+        found.warmed_c = warmed_c(list(warmth), list(warmth.values()), drift_c)
         found.settle(at_rest, turning, axis_wobbles=feels_gravity)
     else:
         found.flags.append(Flag("rest_missing"))
