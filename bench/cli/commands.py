@@ -40,7 +40,8 @@ class Argument(NamedTuple):
         """Add the argument to a parser."""
         text = (f"{self.help} [default: {self.without}]" if self.without else self.help).replace("%", "%%")
         if self.name.startswith("-"):
-            parser.add_argument(self.name, dest=self.parameter, help=text, **self.settings)
+            found = {"required": False} if os.environ.get(self.variable) else {}
+            parser.add_argument(self.name, dest=self.parameter, help=text, **{**self.settings, **found})
         else:
             parser.add_argument(self.parameter, metavar=self.words, help=text, **self.settings)
 

@@ -22,6 +22,7 @@ PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models wi
 GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",
+    "archive": "Publish runs of several benches, and ask questions to all of them.",
     "queue": "List or change the queue of the station.",
     "users": "List or change the users of the station.",
     "tokens": "List, make or revoke tokens of programs.",

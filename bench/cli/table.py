@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from bench.cli import (
+    archive,
     authoring,
     checking,
     control,
@@ -41,6 +42,7 @@ REFERENCE = Command("reference", reference, (
 ))  # fmt: skip
 ALL = (
     *checking.COMMANDS, *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
+    *archive.COMMANDS,
     *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
     *queueing.COMMANDS, *watching.COMMANDS, *people.COMMANDS, *service.COMMANDS,
 )  # fmt: skip

@@ -216,6 +216,13 @@ class BenchFile(StrictModel):
         sent = self.sent_units(self.places[place])
         return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", Counted.unit)
 
+    def circuit_unit(self, place: str) -> str | None:
+        """Return the unit of the temperature circuit of the unit in a place; None without one."""
+        circuit = self.places[place].circuit
+        reading = None if circuit is None else self.readings.get(circuit.output)
+        device = None if reading is None else self.devices.get(reading.device)
+        return None if reading is None or device is None else device.channels.get(reading.channel)
+
     def sample_of(self, entry: PlaceEntry) -> Sampled | None:
         """Return the telemetry channel on which a unit sends its output, or None.
 
@@ -227,6 +234,15 @@ class BenchFile(StrictModel):
         """Return the units of the telemetry channels of an inertial unit, by acc_x to gyro_z."""
         named = {} if entry.channels is None else dict(entry.channels)
         return {name: each.unit for name, channel in named.items() if (each := self._sample_on(channel))}
+
+    def sampled_together(self, entry: PlaceEntry, latched_with: Collection[str]) -> bool:
+        """True if one device samples all channels of an inertial unit at once, one of them in `latched_with`."""
+        wanted = set(entry.measured_by.values())
+        for each in self.devices.values():
+            found = [each.outputs[channel] for channel in wanted if channel in each.outputs]
+            if len(found) == len(wanted) and all(isinstance(output, Sampled) for output in found):
+                return len({(o.period_s, o.tick_period_s) for o in found}) == 1 and bool(wanted & set(latched_with))
+        return False
 
     def _sample_on(self, channel: str | None) -> Sampled | None:
         found = (each.outputs.get(channel) for each in self.devices.values() if channel is not None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
@@ -100,9 +100,13 @@ class UnitHistory(_Model):
     unread: dict[str, str] = Field({}, description="runs without results that can be read, and why")
 
 
-class _Found(NamedTuple):
-    run: RunSummary
-    at: datetime
+class Calibrated(NamedTuple):
+    """Result of a unit in one run, with the errors that other runs share; results of one `key` are comparable."""
+
+    key: str
+    run: str
+    sequence: str
+    simulated: bool
     finding: FindingView
     calibration: Calibration
 
@@ -110,15 +114,22 @@ class _Found(NamedTuple):
 def history(uut: str, runs: Iterable[RunSummary]) -> UnitHistory:
     """Return the history of a unit from all runs."""
     of_unit = sorted((run for run in runs if uut in run.units), key=lambda run: run.id)
-    series: dict[str, list[_Found]] = {}
+    found: list[Calibrated] = []
     unread: dict[str, str] = {}
     for run in of_unit:
         try:
-            for key, found in _findings(run, uut):
-                series.setdefault(key, []).append(found)
+            found += _findings(run, uut)
         except StoreError as problem:
             unread[run.id] = str(problem)
-    shown = [_series(key, found) for key, found in series.items()]
+    return history_of(uut, [run.id for run in of_unit], found, unread)
+
+
+def history_of(uut: str, runs: Sequence[str], found: Iterable[Calibrated], unread: dict[str, str]) -> UnitHistory:
+    """Return the history of a unit from its results; `runs` and results have the oldest first."""
+    series: dict[str, list[Calibrated]] = {}
+    for each in found:
+        series.setdefault(each.key, []).append(each)
+    shown = [_series(key, of_key) for key, of_key in series.items()]
     due = [
         (each.drift.reaches_limit, each.quantity)
         for each in shown
@@ -126,23 +137,33 @@ def history(uut: str, runs: Iterable[RunSummary]) -> UnitHistory:
     ]
     next_due, by = min(due, default=(None, ""))
     return UnitHistory(
-        uut=uut, runs=[run.id for run in reversed(of_unit)], series=shown, next_due=next_due,
+        uut=uut, runs=list(reversed(runs)), series=shown, next_due=next_due,
         next_due_by=by, unread=unread,
     )  # fmt: skip
 
 
-def _findings(run: RunSummary, uut: str) -> Iterator[tuple[str, _Found]]:
-    """Yield the valid findings of a unit in a run, by what makes them comparable. Raises StoreError."""
+def _findings(run: RunSummary, uut: str) -> Iterator[Calibrated]:
+    """Yield the valid findings of a unit in a run. Raises StoreError."""
     if run.state not in READABLE:
         raise StoreError(f"the run is {run.state}")
     found, places = _kept_findings(str(run.path), str(run.manifest.get("ended", "")))
     begun = datetime.fromisoformat(str(run.manifest["started"]))
-    kind = f"{run.manifest.get('sequence')}{' (simulated)' if run.manifest.get('simulated') else ''}"
+    sequence, simulated = str(run.manifest.get("sequence", "")), bool(run.manifest.get("simulated"))
     identities = Identities(run.manifest)
     for each in found:
-        if each.uut == uut and each.verdict != "INVALID" and each.expanded > 0.0:
-            calibration = calibration_of(begun, each, identities)
-            yield f"{kind}: {without_place(each.id, places)} / {each.unit}", _Found(run, begun, each, calibration)
+        if each.uut == uut and is_comparable(each):
+            key = series_key(sequence, without_place(each.id, places), each.unit, simulated=simulated)
+            yield Calibrated(key, run.id, sequence, simulated, each, calibration_of(begun, each, identities))
+
+
+def is_comparable(finding: FindingView) -> bool:
+    """True if a finding is valid and has an uncertainty."""
+    return finding.verdict != "INVALID" and finding.expanded > 0.0
+
+
+def series_key(sequence: str, result: str, unit: str, *, simulated: bool) -> str:
+    """Return what comparable results have in common; `result` is the id of a finding without its place."""
+    return f"{sequence}{' (simulated)' if simulated else ''}: {result} / {unit}"
 
 
 @lru_cache(maxsize=256)
@@ -200,7 +221,7 @@ def shared_errors(identities: Identities, finding: FindingView) -> Iterator[tupl
             yield f"{line.source} of {identity}", line.u
 
 
-def _series(key: str, found: list[_Found]) -> SeriesView:
+def _series(key: str, found: list[Calibrated]) -> SeriesView:
     last = found[-1]
     calibrations = [each.calibration for each in found]
     chart = control_chart([each.value for each in calibrations])
@@ -209,22 +230,22 @@ def _series(key: str, found: list[_Found]) -> SeriesView:
         signals.setdefault(each.number, []).append(each.rule)
     points = [
         PointView(
-            run=each.run.id, at=each.at, value=each.finding.value, expanded=each.finding.expanded,
+            run=each.run, at=each.calibration.at, value=each.finding.value, expanded=each.finding.expanded,
             low=each.finding.low, high=each.finding.high, verdict=each.finding.verdict, signals=signals.get(n, []),
             e_n=e_n(calibrations[n - 1], calibrations[n]) if n else None,
             change=_change(found[n - 1], each) if n else None,
         )
         for n, each in enumerate(found)
     ]  # fmt: skip
-    manifest, finding = last.run.manifest, last.finding
+    finding = last.finding
     return SeriesView(
-        key=key, sequence=str(manifest.get("sequence", "")), simulated=bool(manifest.get("simulated")),
+        key=key, sequence=last.sequence, simulated=last.simulated,
         quantity=finding.quantity, name=finding.name, at=finding.at, unit=finding.unit, points=points,
         drift=_drift(calibrations, finding), chart=_chart(chart), shared=_shared(calibrations),
     )  # fmt: skip
 
 
-def _change(before: _Found, now: _Found) -> ChangeView | None:
+def _change(before: Calibrated, now: Calibrated) -> ChangeView | None:
     """Change against the drift that the earlier calibration specifies; None without one."""
     if before.finding.monthly_drift is None:
         return None

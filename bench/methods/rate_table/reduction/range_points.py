@@ -18,6 +18,7 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.thermometer_drift import DriftInRun
 
 AT_REST_DPS = 0.01
+SIGNIFICANCE = 3.0  # of a change of temperature, over what its thermometer may drift
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +42,17 @@ class Turning:
 
 @dataclass(slots=True)
 class RangeBlocks:
-    """Data of a unit in a range test. `left_out` are the paths of unusable acquisitions, `flags` give the reasons."""
+    """Data of a unit in a range test. `left_out` are the paths of unusable acquisitions, `flags` give the reasons.
+
+    `warmed_c` is the change of the temperature over its readings, 0 unless it is more than its thermometer may drift.
+    """
 
     rest: Rest | None = None
     rest_steps: list[str] = field(default_factory=list)
     turning: list[Turning] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     flags: list[Flag] = field(default_factory=list)
+    warmed_c: float = 0.0
 
     @property
     def bias(self) -> Steady:
@@ -111,6 +116,8 @@ def range_blocks(
         all_c = temperatures_c(list(warmth), list(warmth.values()), drift_c)
         as_warm_c = dict(zip(warmth, all_c.tolist(), strict=True))
         turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
+        change_c = float(np.nan_to_num(np.ptp(all_c)))
+        found.warmed_c = change_c if change_c > SIGNIFICANCE * float(np.ptp(drift_c)) else 0.0
         found.settle(at_rest, turning, axis_wobbles=feels_gravity)
     else:
         found.flags.append(Flag("rest_missing"))
