@@ -1,4 +1,7 @@
-"""reduce, compensate: reduction of recorded data and stored runs, and compensation of unit data by calibrations."""
+"""reduce, compensate, certificate: what is done with files, without a bench.
+
+Reduction of recorded data and stored runs, compensation of unit data by calibrations, content of certificates.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from bench.cli import exits
-from bench.cli.commands import Command, argument, option, options, whole_number
+from bench.cli.commands import Command, argument, flag, option, options, whole_number
 from bench.cli.running import ONLY_RESULTS
 from bench.cli.stored import DAMAGED, RUNS
 from bench.cli.streams import remark, say, say_json
@@ -127,6 +130,23 @@ def _recorded(
         return output_in_run(stored, known.uut, channels, step)
 
 
+def certificate(file: Path, signed_by: Path | None, *, as_json: bool) -> None:
+    """Print the content of a Digital Calibration Certificate: its quantities with their names, and its signature.
+
+    A signature is verified; with --signed-by there must be one, by the key of one of those certificates.
+    """
+    from bench.certificates.certificate import read_certificate
+    from bench.certificates.shown import in_words, to_json
+    from bench.certificates.signature import verified
+
+    found = read_certificate(file)
+    signature = verified(found.markup, signed_by)
+    if as_json:
+        say_json(to_json(found, signature))
+    else:
+        say(*in_words(found, signature))
+
+
 def _write(out: Path | None, write: Callable[[TextIO], object]) -> None:
     """Write to a file, or to standard output."""
     from bench.files import atomic_file
@@ -226,5 +246,10 @@ COMMANDS = (
         option("--nominal T", 'Temperature of --to nominal, such as "25 °C"; default: that of the calibration.'),
         option("--step STEP", "With a run: the acquisition whose output is converted."),
         RUNS,
+    )),
+    Command("certificate", certificate, (
+        argument("FILE.xml", "A Digital Calibration Certificate (DCC).", to="file", read=Path),
+        option("--signed-by FILE.pem", "Certificates in PEM: one of them must have signed it.", read=Path),
+        flag("--json", "Print it as JSON.", to="as_json"),
     )),
 )  # fmt: skip

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.config.channels import period_s
+from bench.config.checks_certificates import range_misfits
 from bench.config.checks_circuits import circuit_misfits
 from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
@@ -59,6 +60,7 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
     yield from counter_misfits(bench)
+    yield from range_misfits(bench)
     yield from _watchdogs(bench)
     yield from _axes(bench)
     yield from _tilt_pairs(bench)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
 from pydantic import AfterValidator, Field
 
-from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
+from bench.config.dcc import CertificateFile
+from bench.config.devices import CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry, total_current
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
+from bench.config.thermometer import ThermometerCalibration
 from drivers.can.sent_frames import Counted, Sampled
-from drivers.certificates.corrections import TemperatureTable
 from drivers.schema.fields import (
     NOT_EMPTY,
     Celsius,
@@ -77,23 +78,6 @@ class TemperatureWindow(Range):
 
     min: Celsius
     max: Celsius
-
-
-class ThermometerUncertainty(StrictModel):
-    """Expanded uncertainty: an offset, a gain error on the temperature in °C, and the change of the offset in a run."""
-
-    offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
-    drift: Annotated[float, InUnit("°C", at_least=0)] | None = Field(
-        None, description="change of the offset from the beginning to the end of a run; default: a fifth of the offset"
-    )
-
-
-class ThermometerCalibration(Calibration):
-    """Calibration certificate of a thermometer."""
-
-    U: ThermometerUncertainty = ThermometerUncertainty()
-    corrections: TemperatureTable = Field((), description="rows, by rising temperature")
 
 
 class ReadingEntry(StrictModel):
@@ -328,6 +312,16 @@ class BenchFile(StrictModel):
             for name, entry in certified.items()
             if entry.calibration is not None and entry.calibration.due < day
         }
+
+    @property
+    def certificates(self) -> Iterator[CertificateFile]:
+        """Yield the certificates that are files, of devices and readings."""
+        for device in self.devices.values():
+            if device.calibration is not None and device.calibration.dcc is not None:
+                yield device.calibration.dcc
+        for reading in self.readings.values():
+            if reading.calibration is not None and reading.calibration.dcc is not None:
+                yield reading.calibration.dcc
 
     @property
     def is_simulated(self) -> bool:
