@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 from bench.campaign.local_cluster import Workers
 from bench.errors import BenchError, InputError
 from bench.files import expect_private
-from bench.report.optional import imported
+from bench.optional import imported
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 CONNECTS_WITHIN_S = 30.0
