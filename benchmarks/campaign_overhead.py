@@ -65,7 +65,7 @@ def cpu_s(client: Any) -> float:
 
 
 def by_processes_s(nights: int) -> tuple[float, float]:
-    """Seconds for as many nights by two processes, from when both are ready until the last has ended; and of processors."""
+    """Seconds for as many nights by two processes, from when both are ready until the last has ended; and processor time."""
     words = [[sys.executable, "-c", OWN.format(first=first, end=nights + 1)] for first in (1, 2)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
     both = [subprocess.Popen(each, **pipes) for each in words]
@@ -109,7 +109,7 @@ def main() -> None:
             rows.append((*with_cpu_s(nights, client), *by_processes_s(options.nights)))
             ours_s, our_cpu_s, own_s, own_cpu_s = rows[-1]
             print(
-                f"{options.nights} nights: {ours_s:.2f} s by two workers, {own_s:.2f} s by two processes; of processors "
+                f"{options.nights} nights: {ours_s:.2f} s by two workers, {own_s:.2f} s by two processes; processors "
                 f"{our_cpu_s:.2f} s and {own_cpu_s:.2f} s",
                 flush=True,
             )
