@@ -65,7 +65,7 @@ def cpu_s(client: Any) -> float:
 
 
 def by_processes_s(nights: int) -> tuple[float, float]:
-    """Seconds for as many nights by two processes, from when both are ready until the last has ended; and processor time."""
+    """Seconds and processor seconds for as many nights by two processes, from when both are ready to the last end."""
     words = [[sys.executable, "-c", OWN.format(first=first, end=nights + 1)] for first in (1, 2)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
     both = [subprocess.Popen(each, **pipes) for each in words]
