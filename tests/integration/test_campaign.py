@@ -68,6 +68,12 @@ def test_a_task_whose_worker_is_killed_is_done_by_another(tmp_path, client):
     assert len(lines_in(tmp_path)) == 6
 
 
+def test_what_a_killed_worker_has_started_ends_with_it(tmp_path, client):
+    found, _ = carried_out(tmp_path, [task("started", mark=str(tmp_path / "mark"))], client)
+    (result,) = found.values()
+    assert not Path(f"/proc/{result.content}").exists()
+
+
 def test_a_failure_is_told_and_tried_again_by_the_next_campaign(tmp_path, client):
     tasks = [task("raised", text="no luck"), *squares(3)]
     for times in (1, 2):
