@@ -123,7 +123,7 @@ def test_a_command_is_run_with_its_options():
 
 
 def test_a_command_that_cannot_be_run_is_no_result():
-    with pytest.raises(RuntimeError, match="ended with 2: .*--no-such-option"):
+    with pytest.raises(RuntimeError, match=r"ended with 2: .*--no-such-option"):
         commands.run(["truth.units", "--no-such-option"])
 
 
