@@ -60,7 +60,7 @@ class State(Message):
 
     title: str = Field(description="name of the bench")
     at: datetime | None = Field(
-        None, description="instant of the last change of this message, by the clock of the station"
+        None, description="when it was so, by the clock of the station; renewed with a change, and each hour"
     )
     zone: str = Field("", description="time zone of the bench, such as `Europe/Berlin`")
     url: str = Field("", description="page of the bench at its station; empty if the station has no address for others")

@@ -17,6 +17,7 @@ from bench.station.view import BenchView, ReadingView, RunView, StationView
 from bench.store.tail import Begins, instant_at
 
 ENDS_MOVED = timedelta(seconds=30)
+STATE_AGAIN = timedelta(hours=1)
 
 
 class Shown(NamedTuple):
@@ -66,7 +67,7 @@ class Show:
         for bench in view.benches:
             run = max(bench.running, key=lambda each: each.run, default=None)
             about = self._topics.of_bench(bench.name, "state"), self._topics.of_bench(bench.name, "questions")
-            shown.retained[about[0]] = self._dated(about[0], self._state(bench, run, address), view.now)
+            shown.retained[about[0]] = self._dated(about[0], self._state(bench, run, address), view.now, STATE_AGAIN)
             open_ones = _questions(run) if run is not None and run.questions else None
             shown.retained[about[1]] = self._dated(about[1], open_ones, view.now)
             if run is not None:
@@ -76,14 +77,16 @@ class Show:
                 shown.retained[topic] = payload
         return shown
 
-    def _dated(self, topic: str, message: State | Questions | None, now: datetime) -> str:
-        """Return a message with the instant since when it is as it is; "" for none."""
+    def _dated(
+        self, topic: str, message: State | Questions | None, now: datetime, again: timedelta = timedelta.max
+    ) -> str:
+        """Return a message with the instant since when it is as it is, or of `again` later; "" for none."""
         if message is None:
             self._dates.pop(topic, None)
             return ""
         same = message.payload()
         last = self._dates.get(topic)
-        if last is None or last[0] != same:
+        if last is None or last[0] != same or now - last[1] >= again:
             self._dates[topic] = last = same, now.replace(microsecond=0)
         return message.model_copy(update={"at": last[1]}).payload()
 

@@ -1,0 +1,52 @@
+"""Parts behind the pages of all benches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+from fastapi import Depends, Request
+
+from bench.overview.board import Boards
+from bench.overview.broker import Subscription
+from bench.overview.history import History
+from bench.station.alerts.alerts import Alerts
+from bench.station.storage.audit import Audit
+from bench.web.identity import Identity
+from bench.web.pages.places import Place
+
+
+class AllBenches(NamedTuple):
+    """Site of all benches; `history` is None without an archive."""
+
+    boards: Boards
+    subscription: Subscription
+    identity: Identity
+    audit: Audit
+    title: str
+    zone: str
+    banner: str = ""
+    history: History | None = None
+
+    @property
+    def places(self) -> Sequence[Place]:
+        """Places that the navigation leads to."""
+        units = (Place("/unit", "Units"),) if self.history is not None else ()
+        return (Place("/", "All benches"), Place("/wall", "Wall screen"), *units)
+
+    @property
+    def alerts(self) -> Alerts | None:
+        """None: alerts are those of stations."""
+        return None
+
+    def problems(self) -> list[str]:
+        """Return no problems; that of the broker is on the board."""
+        return []
+
+
+def _site(request: Request) -> AllBenches:
+    site: AllBenches = request.app.state.services
+    return site
+
+
+All = Annotated[AllBenches, Depends(_site)]
