@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from datetime import datetime, timedelta
 from enum import IntEnum
 from typing import NamedTuple
@@ -105,7 +106,14 @@ class Card(NamedTuple):
             first = self.ends
         rounded = first.timestamp() // ENDS_TOGETHER.total_seconds() if first is not None else float("inf")
         was = self.before if self.kind is Kind.LOST else 0
-        return (self.kind, was, rounded, self.station_title.lower(), self.title.lower(), self.station, self.level)
+        names = _natural(self.station_title), _natural(self.title)
+        return (self.kind, was, rounded, *names, self.station, self.level)
+
+
+def _natural(name: str) -> list[tuple[bool, int, str]]:
+    """Return a key by which "bench 9" comes before "bench 10"."""
+    parts = re.findall(r"[0-9]{1,9}|[^0-9]+", name.lower())
+    return [(each[0] in "0123456789", int(each) if each[0] in "0123456789" else 0, each) for each in parts]
 
 
 def cards_of(overview: Overview, now: datetime) -> list[Card]:

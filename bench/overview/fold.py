@@ -107,10 +107,10 @@ class StationSeen:
             return
         self.status, self.has_ended = status, status == "offline" and at is not None
         self.at = at or self.at
+        self.title, self.version = facts.text("title", 100) or self.title, facts.text("version", 40) or self.version
+        self.computer = facts.text("computer", 100) or self.computer
         if status == "online":
             self.connection = connection
-            self.title, self.version = facts.text("title", 100), facts.text("version", 40)
-            self.computer = facts.text("computer", 100)
         if not retained and (status == "online" or at is not None):
             self.heard = now
             self.clock_off = at - now if at is not None else None

@@ -32,7 +32,7 @@ class AllBenches(NamedTuple):
     def places(self) -> Sequence[Place]:
         """Places that the navigation leads to."""
         units = (Place("/unit", "Units"),) if self.history is not None else ()
-        return (Place("/", "All benches"), Place("/wall", "Wall screen"), *units)
+        return (Place("/", "Benches"), Place("/wall", "Wall screen"), *units)
 
     @property
     def alerts(self) -> Alerts | None:

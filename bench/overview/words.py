@@ -74,6 +74,8 @@ class Words(NamedTuple):
             return tr("not heard since this page was started")
         if self.card.has_ended:
             return tr("the station was ended at {time}", time=self.at(self.card.heard))
+        if not self.card.silent_min:
+            return tr("last heard less than a minute ago")
         if self.card.silent_min < 90:
             return tr("last heard {time} ago", time=duration(60.0 * self.card.silent_min))
         return tr("last heard {time}", time=self.at(self.card.heard))
@@ -86,8 +88,12 @@ class Words(NamedTuple):
 
     @property
     def since(self) -> str:
-        """Since when it waits."""
-        return tr("since {time}", time=self.at(self.card.since)) if self.card.since is not None else ""
+        """Since when it waits, and for how long."""
+        if self.card.since is None:
+            return ""
+        minutes = max(0.0, (self.now - self.card.since).total_seconds()) // 60
+        text = tr("since {time}", time=self.at(self.card.since))
+        return tr("{since}, for {passed}", since=text, passed=duration(60 * minutes)) if minutes else text
 
     @property
     def clock(self) -> str:
@@ -100,13 +106,6 @@ class Words(NamedTuple):
         return tr("Its clock is {time} ahead of ours.", time=off) if ahead else tr(
             "Its clock is {time} behind ours.", time=off
         )  # fmt: skip
-
-    @property
-    def waits(self) -> str:
-        """For how long it waits."""
-        if self.card.since is None or self.card.kind not in (Kind.ASKS, Kind.PAUSED):
-            return ""
-        return tr("for {passed}", passed=duration(max(0.0, (self.now - self.card.since).total_seconds()) // 60 * 60))
 
     @property
     def verdicts(self) -> str:

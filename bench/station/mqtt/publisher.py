@@ -83,7 +83,7 @@ class Publisher:
 
     async def _connected(self) -> None:
         number = self._positions.next_connection()
-        broker = client(self._settings, Status(status="offline", bd_seq=number))
+        broker = client(self._settings, self._of(number, "offline").model_copy(update={"at": None}))
         async with broker:
             await asyncio.to_thread(self._outbox.connected)
             try:
