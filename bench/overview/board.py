@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from bench.clock import Stopwatch, wall_utc
 from bench.figures.languages import language
+from bench.figures.times_and_sizes import duration
 from bench.overview.broker import Subscription
 from bench.overview.cards import Card, Kind, cards_of, counts
 from bench.overview.fold import MOST_BENCHES, MOST_STATIONS, Overview
@@ -130,7 +131,7 @@ class Boards:
         words, url = Words(card, now, self.zone), url_for(card, viewer)
         names: dict[str, Any] = {
             "words": words, "card": card, "url": url, "kinds": Kind, "temperature": temperature, "chamber": chamber,
-            "outcome": outcome,
+            "outcome": outcome, "duration": duration,
         }  # fmt: skip
         main, newest = (rendered(f"overview/part_{name}.html.j2", **names) for name in ("main", "newest"))
         found = Shown(words, url, main, newest)

@@ -15,6 +15,7 @@ FRESH_S = 60.0  # for which an answer is given again
 ANSWERS_WITHIN_S = 20.0
 KEPT = 200
 MOST_RUNS = 20
+MOST_ASKED = 8  # at once; a store that hangs keeps the first of them
 Answer = TypeVar("Answer")
 _RUNS = """
 SELECT run, title, units, state, verdict, started, ended, sequence, station FROM runs
@@ -41,6 +42,7 @@ class History:
 
         self.url, self._open = url, opened
         self._thread = ThreadPoolExecutor(1, "archive")
+        self._asking = 0
         self._answers: dict[tuple[object, ...], tuple[Stopwatch, Any]] = {}
 
     async def runs_of(self, benches: tuple[str, ...], computer: str) -> list[PastRun]:
@@ -72,17 +74,25 @@ class History:
         if known is not None and known[0].elapsed_s() < FRESH_S:
             found: Answer = known[1]
             return found
+        if self._asking >= MOST_ASKED:
+            raise BenchError("the archive answers another question; try again in a moment")
+        self._asking += 1
         asking = asyncio.get_running_loop().run_in_executor(self._thread, ask)
+        asking.add_done_callback(self._answered)
         try:
             async with asyncio.timeout(ANSWERS_WITHIN_S):
                 found = await asyncio.shield(asking)
         except TimeoutError:
-            asking.add_done_callback(lambda done: done.cancelled() or done.exception())
             raise BenchError(f"the archive {self.url} does not answer within {ANSWERS_WITHIN_S:g} s") from None
         while len(self._answers) >= KEPT:
             self._answers.pop(next(iter(self._answers)))
         self._answers[key] = Stopwatch(), found
         return found
+
+    def _answered(self, done: asyncio.Future[Any]) -> None:
+        self._asking -= 1
+        if not done.cancelled():
+            done.exception()  # has been raised, or comes after its question was given up
 
 
 def _past(row: dict[str, Any]) -> PastRun:

@@ -15,6 +15,8 @@ from bench.station.storage.audit import Audit
 from bench.web.identity import Identity
 from bench.web.pages.places import Place
 
+PLACES = (Place("/", "Benches"), Place("/wall", "Wall screen"), Place("/unit", "Units"))
+
 
 class AllBenches(NamedTuple):
     """Site of all benches; `history` is None without an archive."""
@@ -31,8 +33,7 @@ class AllBenches(NamedTuple):
     @property
     def places(self) -> Sequence[Place]:
         """Places that the navigation leads to."""
-        units = (Place("/unit", "Units"),) if self.history is not None else ()
-        return (Place("/", "Benches"), Place("/wall", "Wall screen"), *units)
+        return tuple(each for each in PLACES if self.history is not None or each.path != "/unit")
 
     @property
     def alerts(self) -> Alerts | None:
