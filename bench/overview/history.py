@@ -45,6 +45,10 @@ class History:
         self._asking = 0
         self._answers: dict[tuple[object, ...], tuple[Stopwatch, Any]] = {}
 
+    def close(self) -> None:
+        """Ask nothing more; a question that is being answered is left alone."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
     async def runs_of(self, benches: tuple[str, ...], computer: str) -> list[PastRun]:
         """Return the last runs of a bench by its titles in records. Raises BenchError.
 

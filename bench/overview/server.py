@@ -79,6 +79,8 @@ async def serve(wanted: Wanted, listening: Listening, say: Callable[[str], objec
             for each in works:
                 each.cancel()
             await asyncio.gather(*works, return_exceptions=True)
+            if history is not None:
+                history.close()
 
 
 async def _until_end(
