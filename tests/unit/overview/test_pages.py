@@ -223,7 +223,7 @@ def test_who_guesses_passwords_has_to_wait(tmp_path):
     with_pages(tmp_path, act)
 
 
-@pytest.mark.leaves  # the libraries of the archive keep threads of their own
+@pytest.mark.leaves("threads of the libraries of the archive")
 def test_the_history_of_a_bench_and_a_unit_is_from_the_archive(tmp_path, smoke_copy):
     archive = tmp_path / "archive"
     push(smoke_copy, Destination(str(archive)))
@@ -246,7 +246,7 @@ def test_the_history_of_a_bench_and_a_unit_is_from_the_archive(tmp_path, smoke_c
     with_pages(tmp_path, act, archive=str(archive))
 
 
-@pytest.mark.leaves  # as above
+@pytest.mark.leaves("threads of the libraries of the archive")
 def test_an_archive_that_is_not_there_is_said_on_the_page(tmp_path):
     async def act(pages):
         pages.told.online().state()
