@@ -124,7 +124,7 @@ COMMANDS = (
         option("--client-certificate FILE", "Certificate of this client for the broker.", read=Path),
         option("--client-key FILE", "Key of that certificate, of mode 0600.", read=Path),
         option("--archive DEST", "Archive of runs for the history; needs the extra 'archive'."),
-        option("--title TEXT", "Name on pages.", default="All benches"),
+        option("--title TEXT", "Name on pages.", default=""),
         option("--zone ZONE", "Time zone of the page, such as Europe/Berlin; default: that of this computer.",
                default=""),
         option("--folder DIR", "Folder of its users and sessions.", read=Path),

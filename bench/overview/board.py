@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 from bench.clock import Stopwatch, wall_utc
 from bench.figures.languages import language
-from bench.figures.times_and_sizes import duration
 from bench.overview.broker import Subscription
 from bench.overview.cards import Card, Kind, cards_of, counts
 from bench.overview.fold import MOST_BENCHES, MOST_STATIONS, Overview
-from bench.overview.words import GROUPS, Words, chamber, outcome, temperature
+from bench.overview.words import GROUPS, Words, chamber, outcome, passed_min, temperature
 from bench.web.pages.render import rendered
 from bench.web.shown import clock_time
 
@@ -131,7 +130,7 @@ class Boards:
         words, url = Words(card, now, self.zone), url_for(card, viewer)
         names: dict[str, Any] = {
             "words": words, "card": card, "url": url, "kinds": Kind, "temperature": temperature, "chamber": chamber,
-            "outcome": outcome, "duration": duration,
+            "outcome": outcome, "passed_min": passed_min,
         }  # fmt: skip
         main, newest = (rendered(f"overview/part_{name}.html.j2", **names) for name in ("main", "newest"))
         found = Shown(words, url, main, newest)

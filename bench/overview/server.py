@@ -45,11 +45,11 @@ ROUTERS = (files.router, entrance.router, pages.router, people.router)
 
 
 class Wanted(NamedTuple):
-    """What the pages are to show: broker, archive or "", title, time zone or "", and the folder of users."""
+    """What the pages are to show: broker, archive or "", title or "", time zone or "", and the folder of users."""
 
     broker: Address
     archive: str = ""
-    title: str = "All benches"
+    title: str = ""
     zone: str = ""
     folder: Path | None = None
 

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from fastapi import Depends, Request
 
+from bench.figures.languages import tr
 from bench.overview.board import Boards
 from bench.overview.broker import Subscription
 from bench.overview.history import History
@@ -25,10 +26,15 @@ class AllBenches(NamedTuple):
     subscription: Subscription
     identity: Identity
     audit: Audit
-    title: str
+    name: str
     zone: str
     banner: str = ""
     history: History | None = None
+
+    @property
+    def title(self) -> str:
+        """Name on pages, in the language of the reader unless somebody has given one."""
+        return self.name or tr("All benches")
 
     @property
     def places(self) -> Sequence[Place]:

@@ -77,7 +77,7 @@ class Words(NamedTuple):
         if not self.card.silent_min:
             return tr("last heard less than a minute ago")
         if self.card.silent_min < 90:
-            return tr("last heard {time} ago", time=duration(60.0 * self.card.silent_min))
+            return tr("last heard {time} ago", time=passed_min(self.card.silent_min))
         return tr("last heard {time}", time=self.at(self.card.heard))
 
     @property
@@ -93,7 +93,7 @@ class Words(NamedTuple):
             return ""
         minutes = max(0.0, (self.now - self.card.since).total_seconds()) // 60
         text = tr("since {time}", time=self.at(self.card.since))
-        return tr("{since}, for {passed}", since=text, passed=duration(60 * minutes)) if minutes else text
+        return tr("{since}, for {passed}", since=text, passed=passed_min(minutes)) if minutes else text
 
     @property
     def clock(self) -> str:
@@ -101,7 +101,7 @@ class Words(NamedTuple):
         minutes = self.card.clock_off_min
         if not minutes:
             return ""
-        off = duration(60.0 * abs(minutes))
+        off = passed_min(abs(minutes))
         ahead = minutes > 0
         return tr("Its clock is {time} ahead of ours.", time=off) if ahead else tr(
             "Its clock is {time} behind ours.", time=off
@@ -125,6 +125,11 @@ class Words(NamedTuple):
         there, here = (instant.astimezone(ZoneInfo(each)) for each in (zone, self.zone))
         text = clock_time(instant, zone, self.now)
         return text if there.utcoffset() == here.utcoffset() else f"{text} {there:%Z}"
+
+
+def passed_min(minutes: float) -> str:
+    """Return whole minutes in words."""
+    return duration(60.0 * minutes) if minutes >= 2 else "1 min"
 
 
 def outcome(result: Result) -> str:

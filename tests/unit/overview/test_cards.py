@@ -144,6 +144,7 @@ def test_the_end_is_by_the_clock_of_the_bench_and_names_its_zone_where_the_page_
     assert words(told.later(hours=6)).ends == "was to end about 01:00 CST"
     with language("zh"):
         assert words(told).ends == "原定约 01:00 CST 结束"
+        assert words(told.state(ends=told.now + timedelta(hours=24))).ends == "约 明天 19:00 结束"
 
 
 def test_a_sentence_is_that_of_the_station_in_the_language_of_the_reader():
