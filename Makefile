@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage guardian-coverage night truth faults hostile trials reliability profile benchmark peers system-peers docs bundle clean
+.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage guardian-coverage night truth faults hostile trials reliability profile benchmark peers system-peers npm-peers docs bundle clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -89,13 +89,19 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.station_viewers
 
 # Programs that other people wrote, for the tests that let them talk to ours.
-peers: system-peers $(VENV)/.docs
-	$(BIN)/pip install --quiet -e '.[peers]'
+peers: system-peers npm-peers $(VENV)/.docs
 	$(BIN)/pip install --quiet --no-deps 'qcodes==0.58.*'  # with all that its drivers can do without, ten times as large
 	$(BIN)/pip install --quiet --no-deps 'dvg-devices==1.8.*' 'dvg-debug-functions==2.*' 'daqmon==0.1.*'  # without their windows
 
 system-peers:
 	./.ci/install_peers
+
+npm-peers: $(VENV)/.dev
+	$(BIN)/pip install --quiet -e '.[peers]'  # node among them
+	for each in azurite@3 s3rver@3; do \
+	  PATH="$(abspath $(BIN)):$$PATH" npm install --silent --no-audit --no-fund --no-package-lock \
+	    --prefix "build/npm/$${each%@*}" "$$each" || exit 1; \
+	done
 
 # All pages as a site with a search, in build/docs; a broken link, picture or table of contents is an error.
 docs: $(VENV)/.docs

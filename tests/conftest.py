@@ -25,6 +25,7 @@ from hypothesis import settings
 import bench.loop
 import tests  # noqa: F401  which gives them a folder for states
 from tests.support.commands import Done, invoked
+from tests.support.postgres import postgres_program
 from tests.support.shared_runs import SharedRuns
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ _MODULES = {
     "pyModbusTCP": ("pyModbusTCP",), "watlow_f4": ("watlow_f4", "minimalmodbus"),
     "dvg_devices": ("dvg_devices", "dvg_debug_functions", "pyvisa_py"), "daqmon": ("daqmon",),
     "playwright": ("playwright",), "modbus_tk": ("modbus_tk",), "canmatrix": ("canmatrix",),
-    "sphinx": ("sphinx", "furo", "myst_parser"),
+    "sphinx": ("sphinx", "furo", "myst_parser"), "moto": ("moto",), "psycopg": ("psycopg",),
 }  # fmt: skip
 
 
@@ -75,6 +76,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def _is_here(peer: str) -> bool:
     if peer == "pango":
         return find_library("pangoft2-1.0") is not None
+    if peer in ("azurite", "s3rver"):
+        return (ROOT / "build" / "npm" / peer / "node_modules" / peer).is_dir()
+    if peer == "postgres":
+        return postgres_program("initdb") is not None and importlib.util.find_spec("psycopg") is not None
     if peer == "libmodbus":
         return find_library("modbus") is not None
     if peer == "a Chinese font":

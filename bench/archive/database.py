@@ -45,6 +45,10 @@ class SqlDatabase:
         self._findings = sql.Table("itb_findings", meta, *_columns(OF_FINDING, FINDINGS, ("uuid", "id")))
         self._in_words(lambda: meta.create_all(self._engine))
 
+    def close(self) -> None:
+        """Close all connections."""
+        self._engine.dispose()
+
     def upsert(self, archive: Archive, watch: Callable[[str], None] = lambda _: None) -> int:
         """Write the runs that are new or have a new version; return their number.
 

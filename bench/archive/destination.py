@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -31,6 +32,7 @@ _NAMES = {  # as both libraries spell them; other variables of these prefixes ar
     "AZURE_STORAGE_ACCOUNT_KEY", "AZURE_STORAGE_SAS_KEY", "AZURE_STORAGE_ENDPOINT", "AZURE_STORAGE_CLIENT_ID",
     "AZURE_STORAGE_CLIENT_SECRET", "AZURE_STORAGE_TENANT_ID",
 }  # fmt: skip
+MOST_SHOWN = 300  # characters of an answer
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ADVICE = (  # of what a store answers, in lower case: what to do
     ("no space left", "it is full: free space there; the push can be repeated"),
@@ -140,15 +142,14 @@ class Destination:
         Raises StoreError if it does not.
         """
         name = f"probe/{uuid.uuid4().hex}"
-        try:
-            first, second = self.create(name, b"first"), self.create(name, b"second")
-            if not first or second or self.read(name) != b"first":
-                raise StoreError(
-                    f"{self.url}: the store overwrites an object that must not exist (If-None-Match is ignored): two "
-                    "benches would lose each other's results. Use a store with conditional writes"
-                )
-        finally:
-            self.delete(name)
+        first, second = self.create(name, b"first"), self.create(name, b"second")
+        found = self.read(name)
+        self.delete(name)
+        if not first or second or found != b"first":
+            raise StoreError(
+                f"{self.url}: the store overwrites an object that must not exist (If-None-Match is ignored): two "
+                "benches would lose each other's results. Use a store with conditional writes"
+            )
 
     def expect(self) -> None:
         """Raise InputError if there is no archive."""
@@ -186,13 +187,15 @@ class Destination:
 
 def in_words(where: str, problem: Exception) -> str:
     """Return a message for an error of a store: the place, what to do, and what the store answered."""
-    answer = " ".join(str(problem).partition("Debug source")[0].split())[:300]
-    lower = answer.lower()
+    whole = " ".join(str(problem).partition("Debug source")[0].split())
+    found = re.search("<Code>(.*?)</Code>.*?<Message>(.*?)(RequestId|</Message>)", whole)
+    answer = f"{found[1]}: {found[2]}" if found else whole[:MOST_SHOWN]
+    lower = whole.lower()
     known = next((advice for sign, advice in ADVICE if sign in lower), "")
     exceptions = obstore().exceptions
     if not known and isinstance(problem, exceptions.PermissionDeniedError | exceptions.UnauthenticatedError):
         known = "the store refuses the key: check the key and its rights in the environment"
-    if not known and any(sign in lower for sign in ("connect", "dns", "timed out")):
+    if not known and any(sign in lower for sign in ("connect", "dns", "timed out", "error sending request")):
         known = "the store does not answer: check the network and the address; the push can be repeated"
     return f"{where}: {known}{'. The store: ' if known else ''}{answer}"
 

@@ -44,7 +44,7 @@ class Archive:
         tables = Tables(destination)
         self._connection = duckdb().connect()
         for name in TABLES:
-            self._connection.register(f"_{name}", tables.open(name).to_pyarrow_dataset())
+            self._connection.register(f"_{name}", tables.read(name))
         self._connection.execute("CREATE VIEW all_runs AS SELECT * FROM _runs")
         self._connection.execute(_LATEST)
         for name in TABLES:
@@ -63,7 +63,7 @@ class Archive:
     def arrow(self, sql: str) -> Any:
         """Return the rows of a query as an Arrow table. Raises InputError if it is wrong."""
         with self._in_words(sql):
-            return self._connection.execute(sql).to_arrow_table()
+            return self._connection.sql(sql).to_arrow_table()
 
     @contextmanager
     def _in_words(self, sql: str) -> Iterator[None]:

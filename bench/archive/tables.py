@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from bench.archive.columns import PARTITION, SORTED_BY, TABLES, schema
@@ -28,30 +28,38 @@ class Tables:
 
     def open(self, name: str) -> Any:
         """Return a table; it is created if it does not exist."""
-        delta, place = deltalake(), self._destination.table_url(name)
-        options = dict(self._destination.options)
         with self._errors(name):
-            try:
-                return delta.DeltaTable(place, storage_options=options)
-            except delta.exceptions.TableNotFoundError:
-                pass
             for _ in range(ATTEMPTS):
-                try:
-                    delta.DeltaTable.create(
-                        place, schema(name), mode="ignore", partition_by=[PARTITION], storage_options=options,
+                if (found := self._found(name)) is not None:
+                    return found
+                with suppress(deltalake().exceptions.CommitFailedError):  # another bench has created it meanwhile
+                    deltalake().DeltaTable.create(
+                        self._destination.table_url(name), schema(name), mode="ignore", partition_by=[PARTITION],
+                        storage_options=dict(self._destination.options),
                         configuration={"delta.logRetentionDuration": KEPT},
                     )  # fmt: skip
-                    break
-                except delta.exceptions.CommitFailedError:  # another bench has created it meanwhile
-                    continue
-            return delta.DeltaTable(place, storage_options=options)
+        raise StoreError(f"{self._destination.table_url(name)}: cannot be created")
+
+    def read(self, name: str) -> Any:
+        """Return what a query reads of a table: an Arrow dataset, or an empty Arrow table if there is none yet."""
+        with self._errors(name):
+            found = self._found(name)
+            return schema(name).empty_table() if found is None else found.to_pyarrow_dataset()
+
+    def _found(self, name: str) -> Any:
+        """Return a table, or None if it does not exist."""
+        with suppress(deltalake().exceptions.TableNotFoundError):
+            return deltalake().DeltaTable(
+                self._destination.table_url(name), storage_options=dict(self._destination.options)
+            )
+        return None
 
     def holds(self, name: str, uuid: str, version: int, year: int) -> bool:
         """Return True if a table has rows of a version of a run."""
-        table = self.open(name)
         with self._errors(name):
+            table = self._found(name)
             filters = [(PARTITION, "=", year), ("uuid", "=", uuid), ("version", "=", version)]
-            return bool(table.to_pyarrow_table(columns=["uuid"], filters=filters).num_rows)
+            return table is not None and bool(table.to_pyarrow_table(columns=["uuid"], filters=filters).num_rows)
 
     def append(self, name: str, rows: Any, file: str) -> None:
         """Append rows of one year as a file of the given name, once: a commit of a file that is there changes nothing.
@@ -100,9 +108,7 @@ class Tables:
                 table.optimize.z_order(list(SORTED_BY[name]), partition_filters=[(PARTITION, "=", str(year))])
             table.vacuum(dry_run=False)
             table.create_checkpoint()
-            return before, len(deltalake().DeltaTable(
-                self._destination.table_url(name), storage_options=dict(self._destination.options)
-            ).file_uris())  # fmt: skip
+            return before, len(self.open(name).file_uris())
 
     @contextmanager
     def _errors(self, name: str) -> Iterator[None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -127,8 +128,8 @@ def export(archive: str, url: str) -> None:
     """
     from bench.archive.database import SqlDatabase
 
-    opened, database = _opened(archive), SqlDatabase(url)
-    say(f"{database.name}: {database.upsert(opened)} runs written")
+    with closing(SqlDatabase(url)) as database:
+        say(f"{database.name}: {database.upsert(_opened(archive))} runs written")
 
 
 def tidy(archive: str) -> None:

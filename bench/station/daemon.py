@@ -17,6 +17,7 @@ from bench.errors import InputError
 from bench.sequence.steps.manual import SEQUENCE as MANUAL
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.watch import Watched
+from bench.station.archiving import Archiving
 from bench.station.instruments.records import Records
 from bench.station.jobs import Jobs
 from bench.station.leases import Leases
@@ -79,6 +80,8 @@ class Daemon:
         }
         if settings.signature is not None:
             self.parts["signature"] = UsableKey(settings.signature, self.approvals)
+        if settings.archive:
+            self.parts["archive"] = Archiving(settings.archive, settings.runs)
         self.alerts: Alerts | None = None
         if settings.alerts is not None:
             watched = Watched(settings, self.queue, self.catalogue, self.live)

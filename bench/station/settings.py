@@ -61,6 +61,11 @@ class StationFile(StrictModel):
     )
     log_out_after_min: int = Field(0, ge=0, le=720, description="minutes without use until a session ends; 0 for 12 h")
     launch: Launch = Field("process", description="how a run starts: as a process, or as a service of systemd")
+    archive: str = Field(
+        "",
+        description="archive to which runs go when they are approved: a folder, relative to this file, "
+        "s3://BUCKET/PREFIX or azure://CONTAINER/PREFIX; without it they stay here only",
+    )
     mqtt: MqttSettings | None = Field(None, description="broker to which the station publishes")
     alerts: AlertsEntry | None = Field(None, description="alerts to people; without it there are none")
 
@@ -87,6 +92,7 @@ class Settings(NamedTuple):
     zones: Mapping[str, str] = MappingProxyType({})  # time zones of the benches
     recorded: Mapping[str, str] = MappingProxyType({})  # titles of the benches in the records of runs
     alerts: AlertSettings | None = None
+    archive: str = ""
 
     @property
     def zone(self) -> str:
@@ -164,8 +170,14 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         zones=zones,
         recorded={name: bench.title for name, bench in loaded.items()},
         alerts=alerts,
+        archive=_place(found.archive, beside),
         mqtt=with_files(found.mqtt, beside.absolute()) if found.mqtt is not None else None,
     )
+
+
+def _place(archive: str, beside: Path) -> str:
+    """Return the place of an archive, a folder with its whole path."""
+    return archive if not archive or "://" in archive else str(beside / archive)
 
 
 def _own_prefix() -> str:
