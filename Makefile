@@ -17,7 +17,9 @@ serve: $(VENV)/.station $(VENV)/.assets
 # Files of other projects that the pages use, as bench/web/assets.toml lists them.
 assets: $(VENV)/.assets
 
-test: $(VENV)/.dev lint types contracts pytest
+# The checks beside the tests: those of types need one processor for a minute.
+test: $(VENV)/.dev $(VENV)/.assets
+	$(MAKE) --no-print-directory -j2 lint types contracts pytest
 
 setup: $(VENV)/.dev
 
