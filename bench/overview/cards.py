@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from datetime import datetime, timedelta
 from enum import IntEnum
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from bench.engine.control import OPERATOR
+from bench.overview.facts import name_of
 from bench.overview.fold import (
     MOST_TEMPERATURES,
     SET_POINT,
@@ -118,8 +120,23 @@ def _natural(name: str) -> list[tuple[bool, int, str]]:
 
 def cards_of(overview: Overview, now: datetime) -> list[Card]:
     """Return the cards of all benches in their order."""
-    cards = [_card(overview, station, level, bench, now) for station, level, bench in benches_of(overview)]
+    titles = _titles(overview)
+    cards = [
+        _card(overview, station, level, bench, now)._replace(station_title=titles[station.name])
+        for station, level, bench in benches_of(overview)
+    ]
     return sorted(cards, key=lambda card: card.place)
+
+
+def _titles(overview: Overview) -> dict[str, str]:
+    """Return titles of stations by their names; those with the same title are told apart by their names."""
+    number = Counter(station.title for station in overview.stations.values())
+    found = {}
+    for name, station in overview.stations.items():
+        own = name_of(name)
+        several = f"{station.title} ({own})" if number[station.title] > 1 else station.title
+        found[name] = several if station.title else own
+    return found
 
 
 def last_sign(station: StationSeen, now: datetime) -> datetime | None:
@@ -167,7 +184,7 @@ def _card(overview: Overview, station: StationSeen, level: str, bench: BenchSeen
         key=hashlib.sha256(f"{station.name}/{level}".encode()).hexdigest()[:16],
         kind=kind, before=before, station=station.name, level=level, name=bench.name,
         title=(state.title if state is not None else "") or bench.name,
-        station_title=station.title or station.name,
+        station_title="",
         zone=state.zone if state is not None else "",
         run=state.run if state is not None else "",
         run_title=(state.run_title or state.sequence or state.run) if state is not None else "",

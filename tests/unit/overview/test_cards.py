@@ -162,3 +162,10 @@ def test_names_of_a_station_are_text():
 def test_a_bench_by_hand_has_only_alarms_and_results():
     card = Told().online().alarm(1, bench="~other").card()
     assert (card.title, card.kind, card.has_state) == ("~other", Kind.IDLE, False)
+
+
+def test_stations_with_the_same_title_are_told_apart():
+    told = Told().online("lab1").state("a", "lab1").online("lab%232").state("a", "lab%232").online("c", title="Other")
+    told.state("a", "c").online("d", title="").state("a", "d")
+    titles = {card.station_title for card in told.cards()}
+    assert titles == {"Laboratory (lab1)", "Laboratory (lab#2)", "Other", "d"}

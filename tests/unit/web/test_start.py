@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.errors import InputError
-from bench.web.listening import Listening, banner_of, expect_safe, expect_secret
+from bench.web.listening import Listening, address_for_others, banner_of, expect_safe, expect_secret
 from tests.support.web import with_station
 
 FILE = Path("certificate.pem")
@@ -51,3 +51,11 @@ def test_files_with_secrets_are_for_their_owner(tmp_path, mode, for_token, for_k
         else:
             with pytest.raises(InputError, match="chmod 600"):
                 expect_secret(token, key)
+
+
+def test_the_address_for_others_is_the_first_name_else_that_of_the_server():
+    url = "https://0.0.0.0:8421/"
+    assert address_for_others(Listening("0.0.0.0"), url) == ""
+    assert address_for_others(Listening("0.0.0.0", hosts=("bench.lab", "other")), url) == "https://bench.lab:8421/"
+    assert address_for_others(Listening("192.168.1.5"), "http://192.168.1.5:8421/") == "http://192.168.1.5:8421/"
+    assert address_for_others(Listening(hosts=("bench.lab",)), "http://127.0.0.1:8421/") == "http://127.0.0.1:8421/"
