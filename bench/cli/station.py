@@ -123,7 +123,9 @@ COMMANDS = (
         option("--ca FILE", "Certificates that the broker is verified by; default: those of the system.", read=Path),
         option("--client-certificate FILE", "Certificate of this client for the broker.", read=Path),
         option("--client-key FILE", "Key of that certificate, of mode 0600.", read=Path),
-        option("--archive DEST", "Archive of runs for the history; needs the extra 'archive'.", variable="BENCH_ARCHIVE"),
+        option(
+            "--archive DEST", "Archive of runs for the history; needs the extra 'archive'.", variable="BENCH_ARCHIVE"
+        ),
         option("--title TEXT", "Name on pages.", default=""),
         option("--zone ZONE", "Time zone of the page, such as Europe/Berlin; default: that of this computer.",
                default=""),

@@ -95,11 +95,11 @@ def sentence_of(live: LiveRun, steady: tuple[float, float] | None = None, since:
 
 
 def doing(live: LiveRun) -> dict[str, str]:
-    """Return what a run does by languages, without the numbers that change while it does it."""
+    """Return what a run does by languages, without the numbers that change meanwhile; empty while its plan is unknown."""
     steps = {step["id"]: step for step in (live.timeline or {}).get("steps", ())}
     planned = [found for step in live.state.under_way if (found := steps.get(first_visit(step))) is not None]
-    words = {}
-    for each in LANGUAGES:
+    words: dict[str, str] = {}
+    for each in LANGUAGES if steps else ():
         with language(each):
             words[each] = " · ".join(in_words(NOW, step) for step in planned) or _without_step(live, len(steps))
     return words

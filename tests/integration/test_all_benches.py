@@ -110,6 +110,7 @@ def test_a_real_station_with_tls_password_and_access_list(tmp_path):
             page = board.until(lambda page: "Waiting" in page, within_s=30)
             assert "等待" in board.page(**{"accept-language": "zh"})
             commands = [path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline")]
+            assert any(b"--password-file" in each for each in commands)
             assert not any(b"dashboard\n" in each or b":dashboard@" in each for each in commands)
             served.post(f"runs/{run}/abort")
             board.until(lambda page: "aborted" in page or "ABORTED" in page, within_s=30)

@@ -91,10 +91,12 @@ def test_a_question_comes_before_everything(live):
 def test_what_is_published_has_no_number_that_changes_meanwhile(live):
     begin(live, SOAK, 1000.0, 1000.0 + 23 * 60)
     assert doing(live) == {"en": "Soaking at −40 °C", "zh": "在 −40 °C 保温"}
-    live.timeline = None
+    live.state = live.state.__class__(done=5)
     assert doing(live)["en"] == "Between two steps"
     live.status = {"holds": ["operator"]}
-    assert doing(live)["en"] == "Held before the next step: operator"
+    assert doing(live)["zh"] == "在下一步骤之前保持：操作员"
+    live.timeline = None
+    assert doing(live) == {}
 
 
 def test_a_run_without_a_plan_has_a_sentence_all_the_same(live):
