@@ -298,13 +298,14 @@ def run(cell: Cell, seeds: Sequence[int], folder: Path, records: Path, processes
         path = records / f"{cell.name}.jsonl"
         path.write_text("".join(line.to_json() + "\n" for line in before), "utf-8")
         with path.open("a", encoding="utf-8") as file:
-            for line in _run(cell, missing, folder, processes):
+            for line in lines_of(cell, missing, folder, processes):
                 file.write(line.to_json() + "\n")
                 file.flush()
     return [line for line in known(cell, records) if line.seed in set(seeds)]
 
 
-def _run(cell: Cell, seeds: Sequence[int], folder: Path, processes: int) -> Iterator[Line]:
+def lines_of(cell: Cell, seeds: Sequence[int], folder: Path, processes: int = 1) -> Iterator[Line]:
+    """Run a cell with these seeds, each to a line."""
     work: Callable[[int], Line] = partial(_line, partial(_through_wires, cell, folder))
     if cell.level == RECORDS:
         try:
