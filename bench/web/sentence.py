@@ -95,7 +95,7 @@ def sentence_of(live: LiveRun, steady: tuple[float, float] | None = None, since:
 
 
 def doing(live: LiveRun) -> dict[str, str]:
-    """Return what a run does by languages, without the numbers that change meanwhile; empty while its plan is unknown."""
+    """Return what a run does by languages, without numbers that change meanwhile; empty while its plan is unknown."""
     steps = {step["id"]: step for step in (live.timeline or {}).get("steps", ())}
     planned = [found for step in live.state.under_way if (found := steps.get(first_visit(step))) is not None]
     words: dict[str, str] = {}
