@@ -61,12 +61,14 @@ guardian-coverage: $(VENV)/.dev
 # The campaigns, whole: hours. Stopped, it goes on where it was; results by date are in build/night. The list of what is
 # done, with the time that each takes, is campaigns/night.py. The scorecard goes on for MINUTES where it was stopped.
 MINUTES ?= 0
+SCHEDULER ?=
 night: $(VENV)/.dev
-	$(BIN)/python -m campaigns.night --minutes $(MINUTES)
+	$(BIN)/python -m campaigns.night --minutes $(MINUTES) --scheduler "$(SCHEDULER)"
 
-# Its parts. truth: results against the simulated truth on a perfect and on a full bench, then with errors planted. Forty
+# Its parts. truth and faults are done by two processes, or by a cluster: make truth SCHEDULER=tls://HOST:8786
+# (docs/how-to/campaigns.md). truth: results against the simulated truth on a perfect and on a full bench, then with errors planted. Forty
 # seeds go at the level of records where there is that way, so that a seed takes seconds. All of it is about an hour, or
-# half of that with two processors, and units that differ in kind hours; `python -m campaigns.truth... --seeds 4` tries a few.
+# half of that with two processors, and units that differ in kind hours; `bench campaign truth --seeds 4` tries a few.
 # faults: 20,000 readings over all dialects on bad lines, each fault reported or borne, and none that makes a value wrong
 # where the line has a checksum; 2,000 orders, none of them sent twice; and what asking twice gains where it has none.
 # Then instruments that exchange their ports, and second masters: 2000 of each, none told what was meant for another.
@@ -76,7 +78,7 @@ night: $(VENV)/.dev
 # reliability: the scorecard, trials by the hundred; without MINUTES the table as it is.
 # No part of a night, because it needs root and mutmut: `python -m campaigns.mutants --minutes 60`, which tries the tests.
 truth faults hostile trials reliability: $(VENV)/.dev
-	$(BIN)/python -m campaigns.night $@ --minutes $(MINUTES)
+	$(BIN)/python -m campaigns.night $@ --minutes $(MINUTES) --scheduler "$(SCHEDULER)"
 
 # Where the time of a simulated bench second goes, and our decoder beside cantools.
 profile: $(VENV)/.dev
@@ -89,6 +91,7 @@ benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.night_reduction
 	$(BIN)/python -m benchmarks.check_many
 	$(BIN)/python -m benchmarks.station_viewers
+	$(BIN)/python -m benchmarks.campaign_overhead
 
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: system-peers npm-peers $(VENV)/.docs

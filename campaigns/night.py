@@ -26,32 +26,17 @@ ENVIRONMENT = {
     "PYTHONUNBUFFERED": "1",  # a line is seen when it is printed
 }
 
-# A name, and the arguments of `python -m campaigns.<…>`. Behind each is what it takes of one processor.
-TRUTH = {
-    "tumble": "truth --seeds 40",  # static tumble, through all wires
-    "indexing": "truth.indexing --seeds 40",  # through all wires: 5 s a seed and bench, 7 min
-    "imu": "truth.imu --seeds 40",  # records: 5 s, 8 min
-    "channel": "truth.channel --seeds 40",  # records: 2 s, 4 min
-    "ramp": "truth.ramp --seeds 40",  # records: 4 s, 6 min
-    "repeatability": "truth.repeatability --seeds 40",  # through all wires
-    "resumed": "truth.resumed --seeds 40",  # through all wires, killed and resumed: 30 s, 20 min
-    "imu_start_up": "truth.imu_start_up --seeds 20",
-    "table": "truth.table --seeds 40",  # records: 11 s, 18 min, three seeds through all wires
-    "ladder": "truth.ladder --seeds 20",
-    "monte_carlo": "truth.monte_carlo --draws 1500",
-    "units": "truth.units --seeds 40 --decide",  # units that differ in kind: hours, stopped it goes on
-}
-FAULTS = {
-    "lines": "line_faults --trials 20000",  # five minutes
-    "swaps": "swaps --trials 2000",
-    "can": "can_faults --cases 10000",
-}
+# A name, and the words after `python -m`. Those of `bench campaign` go on where they were by themselves, and are done
+# by workers: two processes here, or the cluster of --scheduler.
 PARTS: Mapping[str, Mapping[str, str]] = {
-    "faults": FAULTS,
-    "trials": {"trials": "trials"},
-    "hostile": {"hostile": "hostile --count 100000"},
-    "truth": TRUTH,
-    "reliability": {"reliability": "reliability --minutes {minutes:g}"},
+    "faults": {"faults": "bench campaign wires --trials 20000 --out build/campaign/wires"},  # seven minutes
+    "trials": {"trials": "campaigns.trials"},
+    "hostile": {"hostile": "campaigns.hostile --count 100000"},
+    "truth": {
+        "monte_carlo": "bench campaign monte-carlo --draws 1500 --out build/campaign/monte-carlo",
+        "truth": "bench campaign truth --seeds 40 --decide 400 --out build/campaign/truth",  # hours
+    },
+    "reliability": {"reliability": "campaigns.reliability --minutes {minutes:g}"},
 }
 
 
@@ -129,12 +114,14 @@ def _git(*arguments: str) -> str:
     return subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=True).stdout
 
 
-def commands(parts: Sequence[str], minutes: float) -> Iterator[tuple[str, list[str]]]:
+def commands(parts: Sequence[str], minutes: float, scheduler: str = "") -> Iterator[tuple[str, list[str]]]:
     """The name of each command of the parts, and its arguments."""
     for part in parts:
         for name, arguments in PARTS[part].items():
             module, *options = arguments.format(minutes=minutes).split()
-            yield name if name == part else f"{part}_{name}", [sys.executable, "-m", f"campaigns.{module}", *options]
+            if module == "bench" and scheduler:
+                options += ["--scheduler", scheduler]
+            yield name if name == part else f"{part}_{name}", [sys.executable, "-m", module, *options]
 
 
 def spend(found: Night, every: Mapping[str, Sequence[str]]) -> int:
@@ -160,9 +147,10 @@ def main() -> int:
         choices=[*PARTS, []],  # argparse makes an empty list of none
     )  # fmt: skip
     parser.add_argument("--minutes", type=float, default=0.0, help="how long the trials of reliability go on")
+    parser.add_argument("--scheduler", default="", metavar="URL", help="of a cluster, as `bench campaign` takes it")
     parser.add_argument("--again", action="store_true", help="begin a new night")
     options = parser.parse_args()
-    every = dict(commands(options.parts or list(PARTS), options.minutes))
+    every = dict(commands(options.parts or list(PARTS), options.minutes, options.scheduler))
     return spend(night(list(every), code_of_now(), again=options.again), every)
 
 

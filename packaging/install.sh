@@ -26,7 +26,7 @@ folder=$place-$version
 [ ! -e "$folder" ] || fail "$folder is there already: remove it first, if no run uses it."
 "$python" -m venv "$folder"
 if ! "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --no-index --find-links wheels \
-    "inertial-test-bench[station,pdf,sign]"; then
+    "inertial-test-bench[station,pdf,sign,dcc]"; then
     rm -rf "$folder"
     fail "Nothing was installed."
 fi

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from bench.config.models import BenchFile
+from bench.config.places import PlaceEntry
 from bench.errors import InputError
 from bench.store.decoder import Decoder
 from drivers.can.sent_frames import Sampled
@@ -12,8 +13,8 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.instruments.can_nodes.can_node import NodeSetup
 from simulators.units.accelerometer import Decoding
 from simulators.units.gyro_file import GyroFile
-from simulators.units.imu import CHANNELS, SENSORS
 from simulators.units.imu_file import ImuFile
+from simulators.units.imu_temperatures import CHANNELS, CIRCUIT, SENSORS
 from simulators.units.unit_file import UnitFile
 from simulators.world import World
 
@@ -72,15 +73,24 @@ def _thermometers(bench: BenchFile, role: str) -> tuple[dict[str, str], dict[str
     readings: dict[str, str] = {}
     imu_readings: dict[str, tuple[str, str]] = {}
     for name, place in bench.places.items():
-        at = (place.temperature, place.gyro_temperature or place.temperature)
-        shown = [bench.readings[each] for each in at]
-        if place.channels is None and shown[0].device == role:
-            readings[shown[0].channel] = name
-        elif place.channels is not None:
-            imu_readings |= {
-                each.channel: (name, sensor) for each, sensor in zip(shown, SENSORS, strict=True) if each.device == role
-            }
+        shown = bench.readings[place.temperature]
+        if place.channels is None and shown.device == role:
+            readings[shown.channel] = name
+        for reading, at in thermometers_at(place).items():
+            each = bench.readings[reading]
+            if each.device == role:
+                imu_readings[each.channel] = name, at
     return readings, imu_readings
+
+
+def thermometers_at(place: PlaceEntry) -> dict[str, str]:
+    """Return where in an inertial unit each reading is taken: in a triad, at a sensor by its channel, or CIRCUIT."""
+    if place.channels is None:
+        return {}
+    circuit = {} if place.circuit is None else {place.circuit.output: CIRCUIT}
+    own = {reading: channel for channel, reading in reversed([*place.at_sensors.items()])}
+    of_triads = (place.temperature, place.gyro_temperature or place.temperature)
+    return own | dict(zip(of_triads, SENSORS, strict=True)) | circuit
 
 
 def decoding_of(bench: BenchFile, channel: str | None) -> Decoding | None:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from bench.app.can_nodes import decoding_of
+from bench.app.can_nodes import decoding_of, thermometers_at
 from bench.config.fixture import Mount
 from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
@@ -31,8 +31,8 @@ from simulators.physics.table_kinematics import NOWHERE, TableErrors
 from simulators.physics.thermal import ChamberPhysics
 from simulators.physics.voltmeter import VoltmeterSettings
 from simulators.units.gyro_file import GyroFile
-from simulators.units.imu import SENSORS
 from simulators.units.imu_file import ImuFile
+from simulators.units.imu_temperatures import CHANNELS, SENSORS
 from simulators.units.settings import ImuPlace, PlaceSettings, WorldSettings
 from simulators.units.unit_file import UnitFile, stream
 from simulators.units.unit_temperatures import ThermometerErrors
@@ -120,7 +120,9 @@ class _Draws:
         )
 
     def _imu(self, name: str, unit: ImuFile, entry: PlaceEntry) -> ImuPlace:
-        readings = (entry.temperature, entry.gyro_temperature or entry.temperature)
+        of_triads = (entry.temperature, entry.gyro_temperature or entry.temperature)
+        read_at = dict(zip(SENSORS, of_triads, strict=True))
+        read_at |= {at: reading for reading, at in thermometers_at(entry).items() if at in CHANNELS}
         channels = entry.channels.model_dump() if entry.channels is not None else {}
         decodings = {sensor: decoding_of(self._bench, channel) for sensor, channel in channels.items()}
         return ImuPlace(
@@ -128,9 +130,7 @@ class _Draws:
             channels=channels,
             supply=entry.supply,
             mount_angle_deg=entry.mount_angle,
-            thermometers={
-                sensor: self._thermometer(reading) for sensor, reading in zip(SENSORS, readings, strict=True)
-            },
+            thermometers={at: self._thermometer(reading) for at, reading in read_at.items()},
             decodings={name: each for name, each in decodings.items() if each is not None},
             converter_thermometer=self._thermometer(entry.converter_temperature or ""),
             source=entry.source or "",

@@ -44,6 +44,8 @@ def bench_inputs(loaded: LoadedBench, others: Mapping[str, str] = MappingProxyTy
         for document in (each for each in vars(entry.options).values() if isinstance(each, DocumentFile)):
             name, text = document.path.name, document.path.read_text("utf-8")
             copies[name if known.get(name, text) == text else f"{role}_{name}"] = text
+    for certificate in loaded.bench.certificates:  # under their names there, because a reduction reads them again
+        copies |= {name: path.read_bytes().decode() for name, path in certificate.files.items()}
     return copies
 
 

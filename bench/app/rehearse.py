@@ -61,6 +61,20 @@ class Rehearsal:
         """Devices that were not made safe although no fault was injected; there should be none."""
         return tuple(set(self.unsafe) - {fault.device for fault in self.faults})
 
+    @property
+    def wrong(self) -> Iterator[str]:
+        """What must not be, whatever the faults: a device not made safe, lost data, an end that names no cause."""
+        faults = ", ".join(f"{fault.victim} {fault.kind}" for fault in self.faults) or "no fault"
+        if self.unsafe_without_fault:
+            yield f"{faults}: not made safe though not broken: {', '.join(sorted(self.unsafe_without_fault))}"
+        if self.lost:
+            yield f"{faults}: not on the disk: {'; '.join(self.lost[:3])}"
+        told = " ".join(self.result.problems)
+        if self.result.outcome.how != "completed" and not any(
+            str(fault.device or fault.unit) in told for fault in self.faults
+        ):
+            yield f"{faults}: ended with {self.result.outcome.how}, which names no cause: {told[:300]}"
+
     def largest_deviations(self, count: int) -> list[Compared]:
         """Return the steps with the greatest deviation from the planned duration, greatest first."""
         return sorted(self.steps, key=lambda step: -abs(step.took_s - step.planned_s))[:count]

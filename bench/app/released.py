@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bench.config.document import Place, Problem
 from bench.config.models import BenchFile
 from bench.errors import InputError
+from bench.sequence.checks.acquired import ramps_during
 from bench.sequence.checks.remarks import Remark
 from bench.sequence.method import known_methods
 from bench.sequence.plan.plan import Plan
@@ -21,6 +23,8 @@ if TYPE_CHECKING:  # sequences without a calibration load no arithmetic
 
 OPTION = "--calibration"
 AT_A_KNOT_C = 1.0
+AIR_MIN = 1.0  # by which the air in a chamber is behind its set point
+ARRIVED_C = 1.0  # by which a unit on a ramp may go beyond its calibration: certificates of two thermometers
 
 
 class Released(NamedTuple):
@@ -107,14 +111,17 @@ def _entries(plan: Plan) -> dict[str, int]:
 
 
 def _measured_at(plan: Plan) -> dict[float, Place]:
-    """Return the set points of acquisitions for these methods, with the place of each ramp in the document."""
+    """Return the set points at which soaked units are measured for these methods, with the place of each ramp."""
     labels, found = _entries(plan), dict[float, Place]()
     last: tuple[float, Place] | None = None
+    during = [planned.id for label in labels for planned, _, _ in ramps_during(plan, label)]
     for planned in plan:
         if isinstance(planned.step, Ramp):
             last = planned.step.temperature_c, (*planned.place, "to")
         elif isinstance(planned.step, Acquire) and planned.step.label in labels and last is not None:
-            found.setdefault(*last)
+            is_leg = any(ramp.startswith(f"{planned.id}/") for ramp in during)
+            if not is_leg:
+                found.setdefault(*last)
     return found
 
 
@@ -126,16 +133,43 @@ def _warms_by_c(place: str, bench: BenchFile) -> float:
 def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     """Yield set points at which a unit, cold or warm, is outside the temperature range of its calibration."""
     for place, released in found.items():
-        low_c, high_c = released.content.valid_c
+        warms_c = _warms_by_c(place, bench)
         for set_c, where in _measured_at(plan).items():
-            warm_c = set_c + _warms_by_c(place, bench)
-            if set_c < low_c or warm_c > high_c:
-                yield (
-                    where,
-                    f"at {set_c:g} °C the unit in place '{place}' goes from {set_c:g} °C to about {warm_c:g} "
-                    f"°C, but its calibration {released.path.name} is valid from {low_c:.4g} °C to {high_c:.4g} °C. "
-                    "Choose temperatures in this range, or calibrate the unit over a wider one",
-                )
+            yield from _outside(released, place, where, f"at {set_c:g} °C", (set_c, set_c + warms_c))
+        for where, ends_c, least_c in _legs(plan, place, bench):
+            name = f"on the ramp from {ends_c[0]:g} °C to {ends_c[1]:g} °C"
+            yield from _outside(released, place, where, name, least_c)
+
+
+def _outside(released: Released, place: str, where: Place, name: str, goes_c: tuple[float, float]) -> Iterator[Problem]:
+    """Yield the problem of temperatures of a unit that its calibration does not have."""
+    low_c, high_c = released.content.valid_c
+    if goes_c[0] < low_c or goes_c[1] > high_c:
+        yield (
+            where,
+            f"{name} the unit in place '{place}' goes from {goes_c[0]:g} °C to about {goes_c[1]:g} "
+            f"°C, but its calibration {released.path.name} is valid from {low_c:.4g} °C to {high_c:.4g} °C. "
+            "Choose temperatures in this range, or calibrate the unit over a wider one",
+        )
+
+
+def _legs(plan: Plan, place: str, bench: BenchFile) -> Iterator[tuple[Place, tuple[float, float], tuple[float, float]]]:
+    """Yield the place of each leg of a ramp, its set points from low to high, and what the unit reaches at least.
+
+    A powered unit is warmer than the air by its self-heating, and behind a ramp by its time constants and `AIR_MIN` of
+    the air: it turns so much before the ends. A calibration holds it within `ARRIVED_C`.
+    """
+    nominal = bench.places[place].nominal
+    behind_min = AIR_MIN + sum(nominal.time_constants) / 60.0 if nominal is not None else 0.0
+    warms_c, seen = _warms_by_c(place, bench), set[tuple[float, float]]()
+    for label in _entries(plan):
+        for planned, ramp, from_c in ramps_during(plan, label):
+            ends_c = min(from_c, ramp.temperature_c), max(from_c, ramp.temperature_c)
+            if math.isnan(from_c) or ends_c in seen:
+                continue
+            seen.add(ends_c)
+            behind_c = behind_min * ramp.rate_c_per_min + ARRIVED_C
+            yield (*planned.place, "to"), ends_c, (ends_c[0] + warms_c + behind_c, ends_c[1] + warms_c - behind_c)
 
 
 def remarks(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Remark]:

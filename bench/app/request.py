@@ -14,6 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from bench.app.released import Released, in_place, of_units, read_released
 from bench.app.released import remarks as of_calibrations
 from bench.config.bench import LoadedBench, load_bench
+from bench.config.checks_certificates import beyond_certificates
 from bench.config.document import Document
 from bench.config.load import find
 from bench.config.models import BenchFile
@@ -138,6 +139,7 @@ def load_checked(request: RunRequest, loaded: LoadedBench | None = None) -> Chec
     expected = estimate(plan, bench)
     circumstances = (
         *_past_due(plan, bench, loaded),
+        *_beyond_certificates(bench, loaded),
         *_little_disk_space(expected, request.runs),
         *_ends_too_late(expected, loaded, request.not_after),
         *of_calibrations(released, plan, bench),
@@ -159,6 +161,13 @@ def _past_due(plan: Plan, bench: BenchFile, loaded: LoadedBench) -> Iterator[Rem
             "every result",
             loaded.document,
         )
+
+
+def _beyond_certificates(bench: BenchFile, loaded: LoadedBench) -> Iterator[Remark]:
+    """Yield a warning for each instrument that may be used beyond the range of its certificate."""
+    advice = "Narrow the limits, or let it be calibrated there"
+    for place, problem in beyond_certificates(bench):
+        yield Remark("warning", "beyond-certificate", place, problem, advice, loaded.document)
 
 
 def past_due_on(day: date, plan: Plan, bench: BenchFile) -> dict[str, date]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from bench.app.laboratory import Laboratory
@@ -17,7 +18,7 @@ from bench.sequence.method import CountsAt, known_methods
 from drivers.installed import loaded
 from simulators.physics.attitude import Mount
 from simulators.truth.channel import LevelAsMeasured, levels_record
-from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Orientation, truth_record
+from simulators.truth.constants import DwellAsMeasured, LegAsMeasured, Orientation, truth_record, turning_record
 from simulators.truth.imu import WindowAsMeasured, imu_record
 from simulators.truth.ladder import LadderAsMeasured, ladders_record
 from simulators.world import World
@@ -29,6 +30,7 @@ def truth_of(stored: StoredRun, laboratory: Laboratory) -> dict[str, Any]:
     truth = truth_record(world, _dwells(stored), _legs(stored), laboratory.voltmeters, _readings(stored))
     truth |= ladders_record(world, _ladders(stored))
     truth |= levels_record(world, _levels(stored))
+    truth |= turning_record(world, list(_on_a_table(stored)))
     if world.imus:
         truth |= imu_record(world, list(_windows(stored)))
     return truth | _own_truth(stored, world)
@@ -110,6 +112,12 @@ def _windows(stored: StoredRun) -> Iterator[WindowAsMeasured]:
     """Yield the windows of a run for each inertial unit."""
     for each in _each(stored, "windows"):
         yield WindowAsMeasured(each.key(each.acquired.step), each.place, _middle_s(each.acquired))
+
+
+def _on_a_table(stored: StoredRun) -> Iterator[LegAsMeasured]:
+    """Yield the acquisitions of each unit on a rate table, by step."""
+    for each in _each(stored, "table"):
+        yield replace(_leg(each, each.acquired.begin_s), key=each.acquired.step)
 
 
 def _readings(stored: StoredRun) -> list[LegAsMeasured]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from bench.report.optional import imported
+from bench.optional import imported
 
 
 def _of_extra(module: str) -> ModuleType:

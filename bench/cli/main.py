@@ -23,6 +23,7 @@ GROUPS = {
     "runs": "List or verify runs.",
     "devices": "List the instruments of a bench, or find new ones.",
     "archive": "Publish runs of several benches, and ask questions to all of them.",
+    "campaign": "Do many nights or reductions by several processes or a cluster.",
     "queue": "List or change the queue of the station.",
     "users": "List or change the users of the station.",
     "tokens": "List, make or revoke tokens of programs.",

@@ -1,17 +1,26 @@
-"""reduce, compensate: reduction of recorded data and stored runs, and compensation of unit data by calibrations."""
+"""reduce, compensate, certificate: what is done with files, without a bench.
+
+Reduction of recorded data and stored runs, compensation of unit data by calibrations, content of certificates.
+"""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from bench.cli import exits
-from bench.cli.commands import Command, argument, option, options, whole_number
+from bench.cli.commands import Command, argument, flag, option, options, whole_number
 from bench.cli.running import ONLY_RESULTS
 from bench.cli.stored import DAMAGED, RUNS
 from bench.cli.streams import remark, say, say_json
+from bench.errors import InputError
+
+if TYPE_CHECKING:  # imported for types only: the command line starts without numpy
+    from bench.metrology.calibration.temperature import Beyond, Compensation
+    from bench.offline.calibration_file import CalibrationFile
+    from bench.offline.motion_series import Series
 
 
 def reduce(case_or_run: str, out: Path | None, runs: Path, *, as_json: bool, damaged: bool) -> int:
@@ -37,17 +46,25 @@ def compensate(
     noise: str | None,
     at_start: tuple[str, ...],
     step: str | None,
+    nominal: str | None,
     runs: Path,
 ) -> None:
     """Convert the output of a calibrated unit to the measured quantity, compensated for its temperature.
 
-    With --to it converts the counts of a unit in motion, in a file or in an acquisition of a run, to specific force or
-    velocity, with the standard uncertainty of each value.
+    With --to it converts the counts or samples of a unit in motion, in a file or in an acquisition of a run, to
+    specific force or velocity, with the standard uncertainty of each value; or outputs to those at the nominal
+    temperature of the unit.
     """
     from bench.offline.calibration_file import compensated, read_calibration
 
     known = read_calibration(calibration)
     remark(*(f"{calibration.name}: {warning}" for warning in known.warnings))
+    if to == "nominal":
+        _only_in_motion(unit != "g", False, noise is not None, bool(at_start), False)
+        _regress(known, data, out, nominal, "hold" if beyond == "hold" else "reject", counter_bits, step, runs)
+        return
+    if nominal is not None:
+        raise InputError("--nominal: is the temperature of --to nominal")
     if to == "value":
         _only_in_motion(unit != "g", counter_bits is not None, noise is not None, bool(at_start), step is not None)
         text = compensated(known, data, "hold" if beyond == "hold" else "reject")
@@ -59,15 +76,75 @@ def compensate(
     if step is None and data.suffix == ".csv":
         found = in_motion(known, data, options)
     else:
-        from bench.reduce.counted import counted_in_run
-        from bench.reduce.stored_run import open_run
-        from bench.store.runs import find_run
-
-        with open_run(find_run(str(data), runs)) as stored:
-            series = counted_in_run(stored, known.uut, list(axes_of(known)), step)
+        series = _recorded(known, data, axes_of(known), step, runs)
         found = converted(known, f"{data.name} {step}", series, options)
     remark(*found.remarks)
     _write(out, found.write)
+
+
+def _regress(
+    known: CalibrationFile,
+    data: Path,
+    out: Path | None,
+    nominal: str | None,
+    beyond: Beyond,
+    counter_bits: int | None,
+    step: str | None,
+    runs: Path,
+) -> None:
+    """Convert outputs or counts to outputs at the nominal temperature."""
+    from bench.offline.count_series import read_counts
+    from bench.offline.nominal import (
+        counted_channels,
+        has_outputs,
+        nominal_temperatures,
+        regressed_counts,
+        regressed_outputs,
+    )
+
+    nominal_c = nominal_temperatures(known, nominal)
+    if step is None and has_outputs(data):
+        text = regressed_outputs(known, data, nominal_c, beyond)
+        _write(out, lambda file: file.write(text))
+        return
+    channels = counted_channels(known, nominal_c)
+    if step is None and data.suffix == ".csv":
+        name, series = data.name, read_counts(data, list(channels), counter_bits, is_warm=True)
+    else:
+        name, series = f"{data.name} {step}", _recorded(known, data, channels, step, runs)
+    found = regressed_counts(known, name, series, nominal_c, beyond)
+    remark(*found.remarks)
+    _write(out, found.write)
+
+
+def _recorded(
+    known: CalibrationFile, run: Path, channels: Mapping[str, Compensation], step: str | None, runs: Path
+) -> Series:
+    """Output of channels of the calibrated unit in an acquisition of a run; remarks on other thermometers."""
+    from bench.reduce.output_in_run import other_thermometers, output_in_run
+    from bench.reduce.stored_run import open_run
+    from bench.store.runs import find_run
+
+    with open_run(find_run(str(run), runs)) as stored:
+        remark(*(f"{run.name}: {each}" for each in other_thermometers(stored, known.uut, channels)))
+        return output_in_run(stored, known.uut, channels, step)
+
+
+def certificate(file: Path, signed_by: Path | None, *, as_json: bool) -> None:
+    """Print the content of a Digital Calibration Certificate: its quantities with their names, and its signature.
+
+    A signature is verified; with --signed-by there must be one, by the key of one of those certificates.
+    """
+    from bench.certificates.certificate import read_certificate
+    from bench.certificates.shown import in_words, to_json
+    from bench.certificates.signature import verified
+
+    found = read_certificate(file)
+    signature = verified(found.markup, signed_by)
+    if as_json:
+        say_json(to_json(found, signature))
+    else:
+        say(*in_words(found, signature))
 
 
 def _write(out: Path | None, write: Callable[[TextIO], object]) -> None:
@@ -83,15 +160,12 @@ def _write(out: Path | None, write: Callable[[TextIO], object]) -> None:
 
 def _only_in_motion(*given: bool) -> None:
     """Raise InputError if an option is given that needs --to."""
-    from bench.errors import InputError
-
     names = ("--unit", "--counter-bits", "--noise", "--at-start", "--step")
     if wrong := [name for name, is_given in zip(names, given, strict=True) if is_given]:
-        raise InputError(f"{wrong[0]}: is for counts, with --to acceleration or --to velocity")
+        raise InputError(f"{wrong[0]}: needs --to acceleration or --to velocity")
 
 
 def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
-    from bench.errors import InputError
     from bench.files import atomic_file
     from bench.offline.case import reduced_case
     from bench.store.runs import json_text
@@ -113,7 +187,6 @@ def _reduce_case(case: Path, out: Path | None, *, as_json: bool) -> int:
 
 
 def _reduce_run(name: str, runs: Path, out: Path | None, *, as_json: bool, damaged: bool) -> None:
-    from bench.errors import InputError
     from bench.reduce.reduced_again import reduced_again
     from bench.reduce.stored_run import open_run
     from bench.store.runs import find_run
@@ -154,10 +227,11 @@ COMMANDS = (
             choices=("hold", "reject"), default="hold",
         ),
         option(
-            "--to value|acceleration|velocity",
-            "Result: the value of each row; or specific force or velocity from cumulative counts, in columns t_s, T_C, "
-            "and CHANNEL, or CHANNEL_pos and CHANNEL_neg.",
-            choices=("value", "acceleration", "velocity"), default="value",
+            "--to value|nominal|acceleration|velocity",
+            "Result: the value of each row, or the output that it would have at the nominal temperature; or specific "
+            "force or velocity, from columns t_s, T_C, and for each channel CHANNEL with cumulative counts, or "
+            "CHANNEL_pos and CHANNEL_neg, or with samples in volts or codes.",
+            choices=("value", "nominal", "acceleration", "velocity"), default="value",
         ),
         option("--unit g|m/s2", "Unit of --to acceleration.", choices=("g", "m/s2"), default="g"),
         option(
@@ -169,7 +243,13 @@ COMMANDS = (
             "Specific force in the first second, at rest, such as x=1: another one is refused; repeatable.",
             to="at_start",
         ),
-        option("--step STEP", "With a run: the acquisition whose counts are converted."),
+        option("--nominal T", 'Temperature of --to nominal, such as "25 °C"; default: that of the calibration.'),
+        option("--step STEP", "With a run: the acquisition whose output is converted."),
         RUNS,
+    )),
+    Command("certificate", certificate, (
+        argument("FILE.xml", "A Digital Calibration Certificate (DCC).", to="file", read=Path),
+        option("--signed-by FILE.pem", "Certificates in PEM: one of them must have signed it.", read=Path),
+        flag("--json", "Print it as JSON.", to="as_json"),
     )),
 )  # fmt: skip

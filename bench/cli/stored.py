@@ -5,14 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bench.cli.commands import Command, argument, flag, option, whole_number
 from bench.cli.exits import BENCH_ERROR, PASS
 from bench.cli.streams import remark, say, say_json
 
+if TYPE_CHECKING:
+    from bench.certificates.signature import Key
+
 RUN = argument("RUN", "A run directory, an id, its first characters, or last.")
 RUNS = option("--runs DIR", "Directory that holds the run directories.", read=Path, default=Path("runs"))
 DAMAGED = flag("--damaged", "Read the run even if it is damaged, and mark everything written from it.")
+DCC = "dcc"
 _SEPARATORS = re.compile("[-_ ]+")  # between words of a verdict, which a shell accepts without quotes
 
 
@@ -65,20 +70,50 @@ def verify(run: str, runs: Path) -> int:
     return BENCH_ERROR if record.damage else PASS
 
 
-def report(run: str, runs: Path, form: str, lang: str, out: Path | None, *, damaged: bool) -> None:
-    """Write the report of a run, even of an interrupted one.
+def report(run: str, runs: Path, form: str, lang: str, out: Path | None, sign: Path | None, *, damaged: bool) -> None:
+    """Write the report of a run, even of an interrupted one; or the certificate of an approved one.
 
-    Beside an approved report no other is written; --out FILE writes a copy elsewhere.
+    Beside an approved report no other is written; --out FILE writes a copy elsewhere. The format dcc is a Digital
+    Calibration Certificate, with the approved report inside.
     """
+    from bench.errors import InputError
     from bench.figures.languages import LANGUAGES
+    from bench.optional import imported
     from bench.reduce.stored_run import open_run
     from bench.report.write import FORMS, write_report
     from bench.store.runs import find_run
 
-    _expect_one_of("--format", FORMS, form)
+    _expect_one_of("--format", (*FORMS, DCC), form)
     _expect_one_of("--lang", LANGUAGES, lang)
+    if sign is not None and form != DCC:
+        raise InputError("--sign is for --format dcc; the station signs a PDF when it is approved")
+    key = _key(sign) if sign is not None else None
     with open_run(find_run(run, runs), damaged=damaged) as stored:
-        say(write_report(stored, form, lang, out))
+        if form == DCC:
+            imported("lxml", DCC)
+            from bench.report.dcc.write import write_certificate
+
+            say(write_certificate(stored, lang, out, key))
+        else:
+            say(write_report(stored, form, lang, out))
+
+
+def _key(station: Path) -> Key:
+    """Return the key of a station. Raises InputError if it has none, or one that cannot sign."""
+    from bench.config.load import load_file
+    from bench.errors import InputError
+    from bench.optional import imported
+    from bench.station.settings import StationFile
+    from bench.station.signoff.key import key_files
+
+    imported("signxml", DCC)
+    entry = load_file(station, StationFile).signature
+    if entry is None:
+        raise InputError(f"{station}: has no signature; state the key of the laboratory there")
+    from bench.certificates.signature import Key
+    from bench.station.signoff.loaded_key import loaded_key
+
+    return Key(*loaded_key(key_files(entry, station.absolute().parent)))
 
 
 def export(run: str, runs: Path, form: str, out: Path, every_frame: Path | None, *, damaged: bool) -> None:
@@ -128,11 +163,13 @@ COMMANDS = (
         RUN,
         RUNS,
         option(
-            "--format html|pdf|json|csv", "html or pdf: the full report; json or csv: only the results.",
+            "--format html|pdf|json|csv|dcc",
+            "html or pdf: the full report; json or csv: only the results; dcc: the certificate of an approved run.",
             to="form", default="html",
         ),
         option("--lang en|zh", "The language of the report.", default="en"),
         option("--out FILE", "The file to write; default: in the directory of the run.", read=Path),
+        option("--sign STATION.yaml", "With dcc: sign it with the key of this station.", read=Path),
         DAMAGED,
     )),
     Command("export", export, (

@@ -9,6 +9,7 @@ from pathlib import Path
 from bench.cli import (
     archive,
     authoring,
+    campaign,
     checking,
     control,
     devices,
@@ -42,7 +43,7 @@ REFERENCE = Command("reference", reference, (
 ))  # fmt: skip
 ALL = (
     *checking.COMMANDS, *running.COMMANDS, *rehearsing.COMMANDS, *stored.COMMANDS, *devices.COMMANDS, *offline.COMMANDS,
-    *archive.COMMANDS,
+    *archive.COMMANDS, *campaign.COMMANDS,
     *authoring.COMMANDS, REFERENCE, *control.COMMANDS, *station.COMMANDS,
     *queueing.COMMANDS, *watching.COMMANDS, *people.COMMANDS, *service.COMMANDS,
 )  # fmt: skip

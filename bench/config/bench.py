@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.config.channels import period_s
+from bench.config.checks_certificates import range_misfits
+from bench.config.checks_circuits import circuit_misfits
 from bench.config.checks_counters import counter_misfits
 from bench.config.checks_interlocks import interlock_misfits
 from bench.config.document import Document, Place, Problem, read_document
@@ -20,6 +22,7 @@ from drivers.quantity.units import parse_unit
 from drivers.schema.suggest import did_you_mean
 
 LOOKS_WITHIN_A_WATCHDOG = 3
+SQUARE_WITHIN_DEG = 1.0  # of the mount angles of two accelerometers at right angles
 
 
 class LoadedBench(NamedTuple):
@@ -57,8 +60,10 @@ def misfits(bench: BenchFile) -> Iterator[Problem]:
     for name, place in bench.places.items():
         yield from _place(bench, name, place)
     yield from counter_misfits(bench)
+    yield from range_misfits(bench)
     yield from _watchdogs(bench)
     yield from _axes(bench)
+    yield from _tilt_pairs(bench)
     yield from _simulation(bench)
 
 
@@ -78,6 +83,32 @@ def _axes(bench: BenchFile) -> Iterator[Problem]:
         if axis.device not in turning:
             where: Place = ("fixture", "axes", index, "device")
             yield where, f"'{axis.device}' is neither a head nor a rate table{did_you_mean(axis.device, turning)}"
+
+
+def _tilt_pairs(bench: BenchFile) -> Iterator[Problem]:
+    """Yield pairs of places that cannot measure a tilt together."""
+    for index, pair in enumerate(bench.fixture.tilt_pairs):
+        where: Place = ("fixture", "tilt_pairs", index)
+        missing = [key for key in ("along", "across") if getattr(pair, key) not in bench.places]
+        for key in missing:
+            name = getattr(pair, key)
+            yield (*where, key), f"there is no place '{name}'{did_you_mean(name, bench.places)}"
+        if missing:
+            continue
+        along, across = bench.places[pair.along], bench.places[pair.across]
+        for key, place in (("along", along), ("across", across)):
+            if place.kind != "channel":
+                name = getattr(pair, key)
+                yield (*where, key), f"place '{name}' is for an inertial unit; a pair has two units with one channel"
+        if pair.along in [other.along for other in bench.fixture.tilt_pairs[:index]]:
+            yield (*where, "along"), f"place '{pair.along}' is that of another pair already"
+        apart_deg = (across.mount_angle - along.mount_angle) % 360
+        if abs(apart_deg - 90) > SQUARE_WITHIN_DEG:
+            yield (
+                (*where, "across"),
+                f"place '{pair.across}' is at {apart_deg:g}° from '{pair.along}' in the fixture, expected 90°, so that "
+                "its input axis is up when the other is level; see their mount_angle, and whether they are exchanged",
+            )
 
 
 def _simulation(bench: BenchFile) -> Iterator[Problem]:
@@ -189,12 +220,13 @@ def _is_temperature(bench: BenchFile, reading: ReadingEntry) -> bool:
 def _place(bench: BenchFile, name: str, place: PlaceEntry) -> Iterator[Problem]:
     where: Place = ("places", name)
     yield from _output(bench, name, place)
-    for key in ("temperature", "gyro_temperature", "converter_temperature"):
-        reading: str | None = getattr(place, key)
-        if reading is not None and reading not in bench.readings:
-            yield (*where, key), f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
-        elif reading is not None and not _is_temperature(bench, bench.readings[reading]):
-            yield (*where, key), f"'{reading}' is not a temperature"
+    for key, reading in place.read.items():
+        if reading not in bench.readings:
+            problem = f"there is no reading '{reading}'{did_you_mean(reading, bench.readings)}"
+            yield (*where, *key.split(".")), problem
+        elif not _is_temperature(bench, bench.readings[reading]):
+            yield (*where, *key.split(".")), f"'{reading}' is not a temperature"
+    yield from circuit_misfits(bench, name, place)
     supply = bench.devices.get(place.supply)
     if supply is None or "power_supply" not in supply.description.capabilities:
         supplies = [key for key, entry in bench.devices.items() if "power_supply" in entry.description.capabilities]

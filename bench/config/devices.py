@@ -12,19 +12,21 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     Field,
+    GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     ValidationError,
     ValidationInfo,
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import InitErrorDetails
+from pydantic_core import CoreSchema, InitErrorDetails
 
+from bench.config.dcc import ReadCertificate, with_certificate
 from drivers.can.sent_frames import Encoder, Output
 from drivers.description import DriverDescription, IdentityPin, known_drivers
 from drivers.quantity.units import quoted
 from drivers.safe_state import LONGEST_S, SafeState
-from drivers.schema.fields import Date, Number, StrictModel, inner_errors, note_named
+from drivers.schema.fields import Date, Number, Spelled, StrictModel, inner_errors, note_named
 from drivers.schema.suggest import did_you_mean
 from drivers.schema.wording import expected, problem_at, telling
 from drivers.transport.address import Address, AddressError
@@ -40,6 +42,17 @@ class Calibration(StrictModel):
     driver or the reading gives them.
     """
 
+    dcc: ReadCertificate = Field(
+        None, description="its file, a Digital Calibration Certificate; then only what it lacks is stated here"
+    )
+    signed_by: str | None = Field(
+        None, description="with dcc: certificates in PEM, by one of which it must be signed; without, a signature need "
+        "not be there",
+    )  # fmt: skip
+    quantities: Mapping[str, Text] = Field(
+        {}, description="with dcc: the id, refType or name of a quantity in it, by key; without, itb_KEY"
+    )
+    serial: Spelled | None = Field(None, description="with dcc: serial number in it, if not that under identity")
     certificate: Text = Field(description="its number")
     laboratory: Text = Field(description="who issued it")
     date: Date = Field(description="of the calibration")
@@ -49,6 +62,14 @@ class Calibration(StrictModel):
     corrections: Any = Field(
         default_factory=dict, description="corrections added to readings; its keys are the driver's"
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema in which a certificate file stands for its number, laboratory and dates."""
+        found = handler.resolve_ref_schema(handler(schema))
+        required = found.pop("required")
+        found["anyOf"] = [{"required": required}, {"required": ["dcc"]}]
+        return found
 
     @model_validator(mode="after")
     def _due_after_it_was_made(self) -> Self:
@@ -134,6 +155,7 @@ class DeviceEntry(StrictModel):
         entry: DeviceEntry | None = None
         blocks: dict[str, BaseModel] = {}
         problems: list[InitErrorDetails] = []
+        data = _with_certificate(data, info, problems)
         try:
             entry = handler(data)
         except ValidationError as error:
@@ -150,6 +172,23 @@ class DeviceEntry(StrictModel):
             own = {name: blocks[name] for name in ("U", "corrections")}
             update["calibration"] = entry.calibration.model_copy(update=own)
         return entry.model_copy(update=update)
+
+
+def _with_certificate(data: Any, info: ValidationInfo, problems: list[InitErrorDetails]) -> Any:
+    """Return an entry with the values of the certificate that it names; its problems are appended to `problems`."""
+    if not isinstance(data, Mapping) or not isinstance(calibration := data.get("calibration"), Mapping):
+        return data
+    description = known_drivers().get(str(data.get("driver")))
+    if description is None:
+        return data
+    identity = data.get("identity")
+    serial = identity.get("serial") if isinstance(identity, Mapping) else None
+    models = description.uncertainty, description.corrections
+    try:
+        return {**data, "calibration": with_certificate(calibration, *models, serial, info)}
+    except ValidationError as error:
+        problems += inner_errors(error, ("calibration",))
+        return {name: block for name, block in data.items() if name != "calibration"}
 
 
 def _blocks(

@@ -128,6 +128,23 @@ class Orthogonality(StrictModel):
     date: Date = Field(description="of the measurement")
 
 
+class Skew(StrictModel):
+    """Angle between two input axes beyond 90°, in the plane of the tilt."""
+
+    value: Annotated[float, InUnit("rad")] = Field(description="as last measured; positive if it is more than 90°")
+    U: Annotated[float, InUnit("rad", at_least=0)] = Field(description="expanded uncertainty")
+    k: CoverageFactor = Field(2.0, description="coverage factor of U")
+    date: Date = Field(description="of the measurement")
+
+
+class TiltPair(StrictModel):
+    """Two places whose accelerometers measure a tilt together, over the full circle."""
+
+    along: Name = Field(description="the place of the accelerometer whose tilt it is")
+    across: Name = Field(description="the place of the one that is up when that is level: its mount angle is 90° more")
+    skew: Skew
+
+
 class AngleRange(Range):
     """Angles of the head from `min` to `max`, modulo a turn."""
 
@@ -147,6 +164,9 @@ class FixtureEntry(StrictModel):
     orthogonality: Orthogonality | None = None
     mounts: Mapping[Name, Mount] = Field(
         {}, description="ways in which units can be fixed by hand; a run begins with the first"
+    )
+    tilt_pairs: tuple[TiltPair, ...] = Field(
+        (), description="accelerometers at right angles whose common tilt is verified with their calibrations"
     )
     forbidden: tuple[AngleRange, ...] = Field((), description="angles of the head at which something would collide")
 

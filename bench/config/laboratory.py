@@ -37,6 +37,8 @@ class LaboratoryFile(StrictModel):
     schema_: Literal["itb-laboratory/1"] = Field(alias="schema", description="version of the file format")
     name: Text = Field(description="name of the laboratory")
     address: Text = Field(description="address of the laboratory")
+    country: str = Field("", pattern=r"^([A-Z]{2})?$", description="its code by ISO 3166-1, such as CN, for a DCC")
+    email: Text | None = Field(None, description="for a DCC")
     accreditation: Accreditation | None = Field(None, description="without it, none is stated")
     place: Text = Field("", description="where calibrations are made, if not at the address")
     environment: Text = Field("", description="environment, for benches that record no ambient conditions")

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Literal
 from zoneinfo import ZoneInfo
 
 from pydantic import AfterValidator, Field
 
-from bench.config.devices import Calibration, CoverageFactor, DeviceEntry, Text
+from bench.config.dcc import CertificateFile
+from bench.config.devices import CoverageFactor, DeviceEntry, Text
 from bench.config.fixture import DIRECTIONS, FixtureEntry, Vector
 from bench.config.interlocks import InterlockEntry
 from bench.config.places import PlaceEntry, total_current
 from bench.config.power import PowerEntry
 from bench.config.simulation import Simulation
+from bench.config.thermometer import ThermometerCalibration
 from drivers.can.sent_frames import Counted, Sampled
-from drivers.certificates.corrections import TemperatureTable
 from drivers.schema.fields import (
     NOT_EMPTY,
     Celsius,
@@ -77,23 +78,6 @@ class TemperatureWindow(Range):
 
     min: Celsius
     max: Celsius
-
-
-class ThermometerUncertainty(StrictModel):
-    """Expanded uncertainty: an offset, a gain error on the temperature in °C, and the change of the offset in a run."""
-
-    offset: Annotated[float, InUnit("°C", at_least=0)] = Field(0.0, description="the same at every temperature")
-    gain: Annotated[Ratio, InUnit("", at_least=0)] = Field(0.0, description="of the temperature in °C, such as 0.2 %")
-    drift: Annotated[float, InUnit("°C", at_least=0)] | None = Field(
-        None, description="change of the offset from the beginning to the end of a run; default: a fifth of the offset"
-    )
-
-
-class ThermometerCalibration(Calibration):
-    """Calibration certificate of a thermometer."""
-
-    U: ThermometerUncertainty = ThermometerUncertainty()
-    corrections: TemperatureTable = Field((), description="rows, by rising temperature")
 
 
 class ReadingEntry(StrictModel):
@@ -232,6 +216,13 @@ class BenchFile(StrictModel):
         sent = self.sent_units(self.places[place])
         return self.output_unit(place) if self.places[place].channels is None else sent.get("gyro_x", Counted.unit)
 
+    def circuit_unit(self, place: str) -> str | None:
+        """Return the unit of the temperature circuit of the unit in a place; None without one."""
+        circuit = self.places[place].circuit
+        reading = None if circuit is None else self.readings.get(circuit.output)
+        device = None if reading is None else self.devices.get(reading.device)
+        return None if reading is None or device is None else device.channels.get(reading.channel)
+
     def sample_of(self, entry: PlaceEntry) -> Sampled | None:
         """Return the telemetry channel on which a unit sends its output, or None.
 
@@ -243,6 +234,15 @@ class BenchFile(StrictModel):
         """Return the units of the telemetry channels of an inertial unit, by acc_x to gyro_z."""
         named = {} if entry.channels is None else dict(entry.channels)
         return {name: each.unit for name, channel in named.items() if (each := self._sample_on(channel))}
+
+    def sampled_together(self, entry: PlaceEntry, latched_with: Collection[str]) -> bool:
+        """True if one device samples all channels of an inertial unit at once, one of them in `latched_with`."""
+        wanted = set(entry.measured_by.values())
+        for each in self.devices.values():
+            found = [each.outputs[channel] for channel in wanted if channel in each.outputs]
+            if len(found) == len(wanted) and all(isinstance(output, Sampled) for output in found):
+                return len({(o.period_s, o.tick_period_s) for o in found}) == 1 and bool(wanted & set(latched_with))
+        return False
 
     def _sample_on(self, channel: str | None) -> Sampled | None:
         found = (each.outputs.get(channel) for each in self.devices.values() if channel is not None)
@@ -312,6 +312,16 @@ class BenchFile(StrictModel):
             for name, entry in certified.items()
             if entry.calibration is not None and entry.calibration.due < day
         }
+
+    @property
+    def certificates(self) -> Iterator[CertificateFile]:
+        """Yield the certificates that are files, of devices and readings."""
+        for device in self.devices.values():
+            if device.calibration is not None and device.calibration.dcc is not None:
+                yield device.calibration.dcc
+        for reading in self.readings.values():
+            if reading.calibration is not None and reading.calibration.dcc is not None:
+                yield reading.calibration.dcc
 
     @property
     def is_simulated(self) -> bool:

@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from bench.config.devices import CoverageFactor, Text
 from bench.config.fixture import Vector
+from bench.config.inertial import CircuitEntry, ImuChannels, SensorThermometers
 from drivers.quantity.quantities import Quantity, parse
 from drivers.schema.fields import (
     NOT_EMPTY,
@@ -95,17 +96,6 @@ class Nominal(StrictModel):
         return math.nan if self.K1 is None else self.K1
 
 
-class ImuChannels(StrictModel):
-    """Channels of an inertial unit: of the counter that counts its pulses, or of the telemetry it sends."""
-
-    acc_x: str = Field(description="of accelerometer x")
-    acc_y: str = Field(description="of accelerometer y")
-    acc_z: str = Field(description="of accelerometer z")
-    gyro_x: str = Field(description="of gyro x")
-    gyro_y: str = Field(description="of gyro y")
-    gyro_z: str = Field(description="of gyro z")
-
-
 class Arm(StrictModel):
     """Position of the sensor of a place relative to the axis of rotation, in the frame of the fixture."""
 
@@ -166,8 +156,8 @@ class PlaceEntry(StrictModel):
 
     The output is the pulses on a `channel`, the voltage read by a `voltmeter`, or values that the unit sends on a
     channel of the `telemetry`; an inertial unit has `channels`, of a counter or of the telemetry, and a second
-    thermometer at its gyros beside the one at its accelerometers. `source` is the current source that can be plugged
-    into its converter in place of the accelerometer.
+    thermometer at its gyros beside the one at its accelerometers, or `temperatures` of single sensors. `source` is the
+    current source that can be plugged into its converter in place of the accelerometer.
     """
 
     model_config = ConfigDict(
@@ -200,6 +190,8 @@ class PlaceEntry(StrictModel):
     gyro_temperature: Name | None = Field(
         None, description="the reading of the thermometer at the gyros of an inertial unit; as temperature unless given"
     )
+    temperatures: SensorThermometers | None = None
+    circuit: CircuitEntry | None = None
     supply: Name = Field(description="the power supply of the unit")
     supply_current: CurrentWindow | None = None
     source: Name | None = None
@@ -227,6 +219,10 @@ class PlaceEntry(StrictModel):
             raise telling("ammeter is for a place with a source, in whose cable it is")
         if self.channels is None and self.gyro_temperature is not None:
             raise telling("gyro_temperature is for a unit with channels")
+        if self.channels is None and self.temperatures is not None:
+            raise telling("temperatures is for a unit with channels; the thermometer of any other is its temperature")
+        if self.channels is None and self.circuit is not None:
+            raise telling("circuit is for a unit with channels")
         if self.range is not None:
             if self.channels is not None:
                 raise telling("range is for a unit with one channel")
@@ -257,8 +253,32 @@ class PlaceEntry(StrictModel):
     @property
     def dependencies(self) -> frozenset[str]:
         """Thermometers, supply and source of the unit; other places may share them."""
-        readings = (self.temperature, self.gyro_temperature, self.converter_temperature)
-        return frozenset(name for name in (*readings, self.supply, self.source) if name is not None)
+        circuit = None if self.circuit is None else self.circuit.output
+        found = (*self.read.values(), self.supply, self.source, circuit)
+        return frozenset(name for name in found if name is not None)
+
+    @property
+    def read(self) -> Mapping[str, str]:
+        """Readings of its thermometers, by their keys such as "temperature" or "temperatures.Ax"."""
+        keys = ("temperature", "gyro_temperature", "converter_temperature")
+        found: dict[str, str] = {key: name for key in keys if (name := getattr(self, key)) is not None}
+        own = {} if self.temperatures is None else self.temperatures.named
+        found |= {f"temperatures.{key}": name for key, name in own.items()}
+        reference = None if self.circuit is None else self.circuit.reference
+        return found if reference is None else found | {"circuit.reference": reference}
+
+    @property
+    def at_sensors(self) -> Mapping[str, str]:
+        """Reading of the thermometer of each sensor of an inertial unit, by its channel; empty for any other unit."""
+        if self.channels is None:
+            return {}
+        own = {} if self.temperatures is None else self.temperatures.named
+        triads = {"A": ("acc", self.temperature), "W": ("gyro", self.gyro_temperature or self.temperature)}
+        return {
+            f"{sensor}_{axis}": own.get(f"{letter}{axis}", of_triad)
+            for letter, (sensor, of_triad) in triads.items()
+            for axis in "xyz"
+        }
 
     @property
     def kind(self) -> UnitKind:

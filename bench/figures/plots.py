@@ -141,16 +141,19 @@ def unit_plots(unit: UnitResult, name: str) -> Iterator[Plot]:
         return
     curves = as_shown.curves(unit, "K0")
     yield _over_temperature(tr("Bias K0"), f"{name}-bias", f"K0 / {as_shown.unit}", as_shown.unit, bias, curves)
-    if curves and curves[0].dof and 0 < bias.rising.sum() < len(bias.rising):
-        yield _loop(f"{name}-loop", as_shown.unit, bias, curves[0])
     centre, at_c, symbol = _middle(unit, "K1")
     relative = Scale(1e6 / centre, "ppm", centre)
-    scale_factor = relative.points(unit, "K1")
+    scale_factor, of_scale = relative.points(unit, "K1"), relative.curves(unit, "K1")
+    if curves and curves[0].dof and 0 < bias.rising.sum() < len(bias.rising):
+        panels = [("K0", as_shown.unit, bias, curves[0])]
+        if scale_factor is not None and of_scale:
+            panels.append(("K1", "ppm", scale_factor, of_scale[0]))
+        yield _loops(f"{name}-loop", panels)
     if scale_factor is not None:
         value = f"{centre:.7g} {symbol}"
         title = tr("Scale factor K1 relative to {value}{at}", value=value, at=at_c)
         label = tr("K1 relative to the centre / ppm")
-        yield _over_temperature(title, f"{name}-scale", label, "ppm", scale_factor, relative.curves(unit, "K1"))
+        yield _over_temperature(title, f"{name}-scale", label, "ppm", scale_factor, of_scale)
     k2 = next(finding for finding in unit.findings if finding.quantity == "K2")
     yield _side_by_side(unit, f"{name}-others", {"K2": quantity_of(k2), "misalignment": tr("Misalignment")})
 
@@ -230,10 +233,25 @@ def _two_digits(u: float) -> str:
     return f"{u:.{decimals(u)}f}"
 
 
-def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
-    """Residuals joined in the order of measurement, which shows hysteresis."""
-    figure = new_figure(3.2)
-    axes = figure.subplots()
+def _loops(name: str, panels: Sequence[tuple[str, str, Points, Curve]]) -> Plot:
+    """Residuals of each quantity joined in the order of measurement, which shows hysteresis, side by side."""
+    figure = new_figure(3.4)
+    for axes, (quantity, symbol, points, model) in zip(
+        figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True
+    ):
+        _draw_loop(axes, points, model)
+        axes.set(xlabel=temperature_label(), ylabel=f"{tr('residual')} / {symbol}", title=quantity)
+        axes.legend()
+    title = tr("Hysteresis of bias and scale factor") if len(panels) > 1 else tr("Hysteresis of the bias")
+    caption = tr(
+        "The residuals of the {curve}, joined in the order of measurement: solid where the temperature rose to the "
+        "dwell, dashed where it fell. The numbers are those of the dwells.",
+        curve=panels[0][3].name,
+    )
+    return Plot(title, rendered(figure, name, title), caption)
+
+
+def _draw_loop(axes: Axes, points: Points, model: Curve) -> None:
     residuals = points.values - model.at(points.temperature_c)
     for index in range(1, len(residuals)):
         style = {"color": RISING["color"]} if points.rising[index] else {"color": FALLING["color"], "linestyle": "--"}
@@ -245,18 +263,6 @@ def _loop(name: str, symbol: str, points: Points, model: Curve) -> Plot:
                 str(number), (x, y), (5, 5), textcoords="offset points", fontsize=6.5, color="#444444", bbox=CLEAR
             )
     axes.axhline(0, color="#444444", linewidth=0.6)
-    axes.set(
-        xlabel=temperature_label(),
-        ylabel=f"{tr('residual')} / {symbol}",
-        title=tr("Hysteresis of K0: residuals of the {curve}", curve=model.name),
-    )
-    axes.legend()
-    title = tr("Hysteresis of the bias")
-    caption = tr(
-        "The residuals of K0, joined in the order of measurement: solid where the temperature rose to the dwell, "
-        "dashed where it fell. The numbers are those of the dwells."
-    )
-    return Plot(title, rendered(figure, name, title), caption)
 
 
 def _side_by_side(unit: UnitResult, name: str, titles: Mapping[str, str]) -> Plot:

@@ -74,6 +74,19 @@ class ClockRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class TiltPairRecord:
+    """Two places whose accelerometers measure a tilt together: `across` is up when `along` is level.
+
+    Their input axes are at 90° and the skew to each other, with its standard uncertainty.
+    """
+
+    along: str
+    across: str
+    skew_rad: float
+    skew_u_rad: float
+
+
+@dataclass(frozen=True, slots=True)
 class BenchRecord:
     """Uncertainties of the bench by certificates and surveys; every `u` is a standard uncertainty.
 
@@ -84,7 +97,7 @@ class BenchRecord:
     the current sources and ammeters with a certificate, by their roles. `orthogonality_u_deg` is that of each axis to
     the one that carries it, in two directions. `host_clock_u` is the relative uncertainty of the host's clock, 0 if not
     stated. `encoder_skew_u_s` is that of the time between the latches of encoder and pulses. `telemetry` is the clock
-    of units that send their output, None if no encoder is latched with it.
+    of units that send their output, None if no encoder is latched with it. `tilt_pairs` measure a tilt together.
     """
 
     gravity_mps2: float
@@ -106,6 +119,7 @@ class BenchRecord:
     telemetry: ClockRecord | None = None
     level_drift: Drift = Drift()
     thermometer_drifts: Mapping[str, Drift] = field(default_factory=dict)
+    tilt_pairs: tuple[TiltPairRecord, ...] = ()
 
     def clock(self, *, sent: bool) -> ClockRecord:
         """Clock of the measurement of a table: that of a unit which has `sent` its output, or the counter's."""

@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Output, Turned, Voltages, Window
+from bench.metrology.calibration.force_terms import Sample
 from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
-from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.sampled_codes import FEWEST_CODES, has_restarted, mean_between, mean_code, sampled_at_s, stuck
 
 FEWEST_VOLTAGES = 2  # minimum number for a standard deviation
@@ -32,6 +33,20 @@ def measured(acquisition: Acquisition, unit: UnitUnderTest) -> Measured:
     if unit.voltmeter is not None:
         return acquisition.voltages.get(unit.voltmeter, NO_VOLTAGES)
     return acquisition.counts[unit.channel]
+
+
+def sampled_as(data: RunData, unit: UnitUnderTest) -> tuple[Sample, float]:
+    """Kind of the samples of a unit in a run, and their quantisation step in its unit; the step of volts is unknown.
+
+    The readings of a voltmeter have the times of their middles.
+    """
+    match measured(data.acquisitions[0], unit):
+        case Counts():
+            return "", 0.0
+        case Voltages():
+            return "instant", 0.0
+        case Codes() as codes:
+            return ("mean" if codes.averaged else "instant"), codes.step
 
 
 def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:

@@ -27,6 +27,15 @@ class ReleasedCalibration:
     gravity_mps2: float = math.nan
     gravity_u_mps2: float = 0.0
 
+    def of_output(self, output_unit: str) -> Compensation | None:
+        """Conversion to g of a unit with one channel, wherever it was calibrated; None for another output."""
+        found = [each for each in self.channels.values() if each.output_unit == output_unit]
+        return found[0] if len(found) == 1 and found[0].value_unit == "g" else None
+
+    def local_g(self, gravity_mps2: float) -> float:
+        """Local gravity in the g of the calibration; 1 if that is not stated."""
+        return gravity_mps2 / self.gravity_mps2 if np.isfinite(self.gravity_mps2) and self.gravity_mps2 else 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class PowerCycles:
@@ -42,6 +51,25 @@ class PowerCycles:
 
 
 @dataclass(frozen=True, slots=True)
+class TemperatureCircuit:
+    """The unit's own thermometer: readings of its output in `unit`, and of the thermometer that it is compared with.
+
+    Nominally its output is `nominal` at `at_c` and changes by `slope` with 1 °C; NaN if not stated.
+    """
+
+    output: str
+    unit: str
+    reference: str
+    nominal: float = math.nan
+    at_c: float = math.nan
+    slope: float = math.nan
+
+    def indicated_c(self, output: Array) -> Array:
+        """Temperatures that outputs (n,) indicate by the nominal characteristic; NaN without one."""
+        return output if self.unit == "°C" else self.at_c + (output - self.nominal) / self.slope
+
+
+@dataclass(frozen=True, slots=True)
 class UnitUnderTest:
     """One unit in its place; its output is pulses on a `channel`, or the voltage read by a `voltmeter`.
 
@@ -49,11 +77,12 @@ class UnitUnderTest:
     bench time at which it was dropped from the run. `nominal_per_g` is its nominal change of output for 1 g, in
     `output_unit`; None if not stated. `converter` is the reading of the thermometer at its converter and `source` the
     current source that can feed the converter, `ammeter` the ammeter in its cable, "" for none; `scale_a_per_g` is its
-    nominal K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `channel_units` are
-    the units of the outputs that it sends. `arm_m` is its position relative to the axis of rotation by the bench file,
-    with its standard uncertainty. `supply` is the supply that powers it, "" for none; `released` is the released
-    calibration given to the run. `power_cycles` is its repeatability over power cycles. `sensor` is acc_x, acc_y or
-    acc_z if it stands for one channel of an inertial unit.
+    nominal K1. An inertial unit has `channels`, by acc_x to gyro_z, and a thermometer at its gyros; `temperatures` are
+    the readings at single sensors, by channel, and `channel_units` the units of the outputs that it sends. `arm_m` is
+    its position relative to the axis of rotation by the bench file, with its standard uncertainty. `supply` is the
+    supply that powers it, "" for none; `released` is the released calibration given to the run. `power_cycles` is its
+    repeatability over power cycles. `sensor` is acc_x, acc_y or acc_z if it stands for one channel of an inertial unit,
+    `circuit` the temperature circuit of an inertial unit.
     """
 
     place: str
@@ -66,6 +95,7 @@ class UnitUnderTest:
     nominal_per_g: float | None = None
     channels: Mapping[str, str] = field(default_factory=dict)
     gyro_temperature: str = ""
+    temperatures: Mapping[str, str] = field(default_factory=dict)
     converter: str = ""
     source: str = ""
     scale_a_per_g: float = math.nan
@@ -80,20 +110,35 @@ class UnitUnderTest:
     ammeter: str = ""
     power_cycles: PowerCycles | None = None
     sensor: str = ""
+    circuit: TemperatureCircuit | None = None
 
     @property
     def accelerometers(self) -> tuple[UnitUnderTest, ...]:
         """Accelerometer channels of an inertial unit, each as a unit with one channel; any other unit itself."""
         if not self.channels:
             return (self,)
-        return tuple(self._alone(f"acc_{axis}") for axis in AXES)
+        return tuple(self.alone(f"acc_{axis}") for axis in AXES)
 
-    def _alone(self, sensor: str) -> UnitUnderTest:
+    def alone(self, sensor: str) -> UnitUnderTest:
+        """One channel of an inertial unit, by its name from acc_x to gyro_z, as a unit with one channel."""
         sent = self.channel_units.get(sensor)
         return replace(
             self, sensor=sensor, channels={}, channel_units={}, channel="" if sent else self.channels[sensor],
             telemetry=self.channels[sensor] if sent else None, sent_unit=sent or self.sent_unit,
+            temperature=self.thermometer(sensor), temperatures={},
         )  # fmt: skip
+
+    def thermometer(self, channel: str) -> str:
+        """Reading of the thermometer of a sensor of an inertial unit: its own one, or that of its triad."""
+        of_triad = self.gyro_temperature if channel.startswith("gyro") else self.temperature
+        return self.temperatures.get(channel) or of_triad or self.temperature
+
+    @property
+    def thermometers(self) -> tuple[str, ...]:
+        """Readings of all its thermometers."""
+        circuit = () if self.circuit is None else (self.circuit.output, self.circuit.reference)
+        found = (self.temperature, self.gyro_temperature, self.converter, *self.temperatures.values(), *circuit)
+        return tuple(dict.fromkeys(name for name in found if name))
 
     @property
     def axis(self) -> str:

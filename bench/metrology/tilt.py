@@ -30,6 +30,15 @@ class TiltComparison:
     excluded: dict[str, int]
 
 
+@dataclass(frozen=True, slots=True)
+class TiltModel:
+    """Scale factor of an accelerometer, its nominal bias, and constant and slope of its bias over temperature."""
+
+    scale_v_per_g: float
+    nominal_bias_v: float
+    bias_v: tuple[float, float]
+
+
 def compare_tilt(
     temperature_c: Array, output_v: Array, *, scale_v_per_g: float, nominal_bias_v: float, bias_v: tuple[float, float]
 ) -> TiltComparison:
@@ -62,6 +71,51 @@ def compare_tilt(
             "out_of_range": int(np.sum(~possible)),
         },
     )
+
+
+@dataclass(frozen=True, slots=True)
+class TiltOfTwoComparison:
+    """Span and mean of the tilt by two accelerometers, in degrees, with constant biases and with the bias models.
+
+    `u_skew_deg` is the largest contribution of the skew to the compensated tilt. None without a sample of both.
+    """
+
+    raw_span_deg: float | None
+    compensated_span_deg: float | None
+    raw_mean_deg: float | None
+    compensated_mean_deg: float | None
+    u_skew_deg: float | None
+
+
+def compare_tilt_of_two(
+    temperature_c: Array, outputs_v: tuple[Array, Array], models: tuple[TiltModel, TiltModel], *, skew_rad: float,
+    u_skew_rad: float,
+) -> TiltOfTwoComparison:  # fmt: skip
+    """Tilt of samples (n,) of two accelerometers at 90° and a skew, the second up when the first is level.
+
+    Samples with a missing value or an implausible temperature are left out. Angles are continuous from sample to
+    sample, so that a tilt near ±180° has no jump.
+    """
+    along_v, across_v = outputs_v
+    usable = np.isfinite(temperature_c) & np.isfinite(along_v) & np.isfinite(across_v) & ~beyond_possible(temperature_c)
+    if not usable.any():
+        return TiltOfTwoComparison(None, None, None, None, None)
+    along, across = (TiltAxis(each.scale_v_per_g, 0.0, 0.0, 0.0, 0.0) for each in models)
+    found = []
+    for biases_v in (
+        [each.nominal_bias_v for each in models],
+        [each.bias_v[0] + each.bias_v[1] * temperature_c[usable] for each in models],
+    ):
+        tilt = tilt_of_two(
+            along, across, along_v[usable] - biases_v[0], across_v[usable] - biases_v[1], skew_rad=skew_rad,
+            u_skew_rad=u_skew_rad,
+        )  # fmt: skip
+        found.append((np.unwrap(tilt.tilt_deg, period=360.0), tilt.u_deg))
+    (raw_deg, _), (compensated_deg, u_deg) = found
+    return TiltOfTwoComparison(
+        float(np.ptp(raw_deg)), float(np.ptp(compensated_deg)), float(np.mean(raw_deg)),
+        float(np.mean(compensated_deg)), float(np.max(u_deg)),
+    )  # fmt: skip
 
 
 @np.errstate(invalid="ignore")

@@ -7,6 +7,7 @@ the bias for the user.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,7 @@ NAMES = {
     "tilt/uncompensated": "span that it indicates over the temperatures, held level, with a constant bias",
     "tilt/compensated": "the same with the model of the bias over temperature, fitted to the same data (in sample)",
     "tilt/verified": "span that it indicates over the temperatures, held level, with the calibration of an earlier run",
+    "tilt/verified_dynamic": "the same with the dynamic model of that calibration",
 }
 
 
@@ -54,14 +56,22 @@ def tilt_findings(bias_g: Array, modelled_g: Array, origin: TiltOrigin) -> Itera
         yield from span_finding(quantity, left_g, origin, origin.contained if quantity == "tilt/compensated" else "")
 
 
-def span_finding(quantity: str, left_g: Array, origin: TiltOrigin, contained: str = "") -> Iterator[Finding]:
-    """Span of the tilt indicated with biases (n,) left by a model; none for fewer than two, or beyond ±90°."""
+def span_finding(
+    quantity: str, left_g: Array, origin: TiltOrigin, contained: str = "", more: Sequence[BudgetLine] = ()
+) -> Iterator[Finding]:
+    """Span of the tilt indicated with biases (n,) left by a model; none for fewer than two, or beyond ±90°.
+
+    `more` are contributions in ° besides scatter and scale.
+    """
     span_deg = float(np.ptp(indicated_deg(left_g))) if len(left_g) > 1 else np.nan
     if not np.isfinite(span_deg):
         return
     yield origin.subject.finding(
-        quantity, NAMES[quantity], span_deg, "°", _lines(left_g, span_deg, origin, contained), {}, origin.steps,
-        interval=interval_of_span(left_g, origin.sd_g).times(float(np.degrees(1.0))),
+        quantity, NAMES[quantity], span_deg, "°", [*more, *_lines(left_g, span_deg, origin, contained)], {},
+        origin.steps,
+        interval=interval_of_span(left_g, origin.sd_g).times(float(np.degrees(1.0))).beside(
+            math.hypot(*(line.u for line in more))
+        ),
     )  # fmt: skip
 
 

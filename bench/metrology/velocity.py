@@ -1,11 +1,7 @@
-"""Specific force and velocity from the counts of calibrated channels, compensated for temperature (equations 2.5, 4.5).
+"""Specific force and velocity from the output of calibrated channels, compensated for temperature (equations 2.5, 4.5).
 
-The net pulses between two readings, over the time between them, are the mean output of that interval: no rate is
-sampled, and a fraction of a pulse that one interval lacks is in the next. So quantisation is in a velocity twice, at
-the first reading and at the last. A converter with one charge integrator fires a pulse when its charge is a whole one
-away from the last: what it holds has the sign of its last pulse, half of one in the mean. Errors of the calibration are
-the same throughout a record: their effects on the specific force are integrated with their signs, and only then
-squared.
+The output is counted or sampled (`motion_records.py`). Errors of the calibration are the same throughout a record:
+their effects on the specific force are integrated with their signs, and only then squared.
 """
 
 from __future__ import annotations
@@ -19,24 +15,14 @@ from numpy.typing import NDArray
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.temperature import Beyond, Compensation, Curve, values_of
 from bench.metrology.least_squares import Array
+from bench.metrology.motion_records import CountRecord, Record
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS
 from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
+from bench.metrology.sampled_codes import hidden_by_steps
 
 ROUNDS = 6  # each iteration reduces the error by a factor of the size of cross-coupling and nonlinearity, some 1e-3
+PER_ROOT_12 = 12**-0.5  # standard uncertainty of a rectangular distribution over its width
 PER_ROOT_2 = 0.5**0.5  # a one-sided density N gives a mean over t a standard deviation of N / sqrt(2 t)
-
-
-@dataclass(frozen=True, slots=True)
-class CountRecord:
-    """Readings of counters and thermometer at increasing times, (n,) each.
-
-    `net_pulses` (n - 1,) of each channel are those between two readings, positive less negative, NaN if unknown.
-    Between two readings the temperature is their mean.
-    """
-
-    time_s: Array
-    temperature_c: Array
-    net_pulses: Mapping[str, Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,18 +38,22 @@ class SpecificForce:
     """Mean specific force (m,) in g along the axis of a channel in each interval between two readings.
 
     `errors` are the effects of one standard uncertainty of each independent error of the calibration on it, (m,) each.
-    `count_g` (m,) is the specific force of one pulse in the interval, `outside` (m,) masks temperatures out of range.
+    `count_g` (m,) is the specific force of one pulse in the interval, 0 for samples. `own_gs` (m,) is the standard
+    uncertainty of the integral over the interval in g s that it has for itself: rounded and lost samples. `outside`
+    (m,) masks temperatures out of range.
     """
 
     force_g: Array
     errors: tuple[Array, ...]
     count_g: Array
+    own_gs: Array
     seconds: Array
     outside: NDArray[np.bool_]
 
     def u_g(self, noise_g: float = 0.0) -> Array:
         """Standard uncertainty (m,) of each value; `noise_g` is the density of white noise in g/√Hz."""
         squares = (RESOLUTION_COUNTS * self.count_g) ** 2 + (PER_ROOT_2 * noise_g) ** 2 / self.seconds
+        squares += (self.own_gs / self.seconds) ** 2
         for error in self.errors:
             squares += error**2
         return np.sqrt(squares)
@@ -77,8 +67,8 @@ class SpecificForce:
 class Velocity:
     """Integral (n,) in m/s of the specific force from the first reading to each, and its standard uncertainties (n,).
 
-    `u_model_mps` is due to the calibration and gravity, `u_count_mps` to the fractions of a pulse at both ends,
-    `u_noise_mps` to white noise.
+    `u_model_mps` is due to the calibration and gravity, `u_count_mps` to the fractions of a pulse at both ends or to
+    rounded and lost samples, `u_noise_mps` to white noise.
     """
 
     velocity_mps: Array
@@ -93,31 +83,41 @@ class Velocity:
 
 
 def specific_forces(
-    record: CountRecord, channels: Mapping[str, Compensation], beyond: Beyond = "hold"
+    record: Record, channels: Mapping[str, Compensation], beyond: Beyond = "hold"
 ) -> dict[str, SpecificForce]:
     """Specific force along the axes of `channels`, whose compensations have force terms.
 
     `channels` contains the channels of their cross-coupling, and `record` all of them.
     """
-    seconds = np.diff(record.time_s)
-    between_c = (record.temperature_c[1:] + record.temperature_c[:-1]) / 2
     axes = {
-        name: _Axis.of(known, _charge(record.net_pulses[name]) / seconds, between_c, beyond)
-        for name, known in channels.items()
+        name: _Axis.of(known, record.output(name), record.output_c(name), beyond) for name, known in channels.items()
     }
     forces = {name: axis.uncoupled_g for name, axis in axes.items()}
     for _ in range(ROUNDS):
         forces = {name: axis.force_g(forces[name], forces) for name, axis in axes.items()}
-    return {
-        name: SpecificForce(
-            force_g=forces[name],
-            errors=tuple(axis.errors(forces[name], forces)),
-            count_g=1 / np.abs(axis.scale) / seconds,
-            seconds=seconds,
-            outside=axis.outside,
-        )
-        for name, axis in axes.items()
-    }
+    return {name: _over_intervals(record, axis, forces) for name, axis in axes.items()}
+
+
+def _over_intervals(record: Record, axis: _Axis, forces: Mapping[str, Array]) -> SpecificForce:
+    """Specific force of a channel in each interval from those of each output."""
+    channel, seconds = axis.known.channel, np.diff(record.time_s)
+    errors, count_g, own_gs = list(axis.errors(forces[channel], forces)), np.zeros_like(seconds), np.zeros_like(seconds)
+    if isinstance(record, CountRecord):
+        count_g = 1 / np.abs(axis.scale) / seconds
+    else:
+        step_g = axis.terms.step / np.abs(axis.scale)
+        if axis.terms.step:
+            errors.append(step_g * hidden_by_steps(record.scatter(channel), axis.terms.step) / axis.terms.step)
+        bridged_gs = record.lost_s() * np.abs(np.diff(forces[channel]))
+        own_gs = PER_ROOT_12 * np.hypot(record.mean(step_g) * seconds, bridged_gs)
+    return SpecificForce(
+        force_g=record.mean(forces[channel]),
+        errors=tuple(record.mean(error) for error in errors),
+        count_g=count_g,
+        own_gs=own_gs,
+        seconds=seconds,
+        outside=record.any(axis.outside),
+    )
 
 
 def integrate(force: SpecificForce, gravity: Gravity, noise_g: float = 0.0) -> Velocity:
@@ -128,26 +128,13 @@ def integrate(force: SpecificForce, gravity: Gravity, noise_g: float = 0.0) -> V
         squares += _integral(error, force.seconds) ** 2
     elapsed_s = _integral(np.ones_like(force.seconds), force.seconds)
     counted = RESOLUTION_COUNTS * force.count_g * force.seconds
+    own = np.concatenate(([0.0], np.sqrt(np.cumsum(force.own_gs**2))))
     return Velocity(
         velocity_mps=gravity.mps2 * velocity_gs,
         u_model_mps=gravity.mps2 * np.sqrt(squares),
-        u_count_mps=gravity.mps2 * np.concatenate(([0.0], counted)),
+        u_count_mps=gravity.mps2 * np.hypot(np.concatenate(([0.0], counted)), own),
         u_noise_mps=gravity.mps2 * PER_ROOT_2 * noise_g * np.sqrt(elapsed_s),
     )
-
-
-def _charge(net_pulses: Array) -> Array:
-    """Charge (m,) of intervals in pulses: that of the pulses, and half a pulse with the sign of the last at each end.
-
-    An interval without pulses has the sign of the one before it.
-    """
-    sign = np.sign(net_pulses)
-    fired = np.flatnonzero(np.abs(sign) == 1)
-    if not len(fired):
-        return net_pulses
-    last = np.searchsorted(fired, np.arange(len(sign)), side="right") - 1
-    at_end = sign[fired[np.maximum(last, 0)]]
-    return np.asarray(net_pulses + np.diff(at_end, prepend=at_end[0]) / 2)
 
 
 def _integral(values: Array, seconds: Array) -> Array:
@@ -157,7 +144,7 @@ def _integral(values: Array, seconds: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """One channel with its curves at the temperature of each interval (m,).
+    """One channel with its curves at the temperature of each output (m,).
 
     `raw` is (output - offset) / scale, `uncoupled_g` is that less the bias.
     """
@@ -172,7 +159,7 @@ class _Axis:
 
     @classmethod
     def of(cls, known: Compensation, output: Array, temperature_c: Array, beyond: Beyond) -> _Axis:
-        """The axis of a channel with these mean outputs at these temperatures (m,). Raises ValueError without terms."""
+        """The axis of a channel with these outputs at these temperatures (m,). Raises ValueError without terms."""
         if known.force is None:
             raise ValueError(f"{known.channel} has no force terms")
         held_c, outside = known.held(temperature_c, beyond)

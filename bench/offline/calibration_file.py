@@ -17,6 +17,7 @@ from pydantic import Field
 from bench.config.models import BenchFile
 from bench.errors import InputError, StoreError
 from bench.files import content_hash
+from bench.metrology.calibration.dynamic import SECONDS
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.temperature import Beyond, Compensation
 from bench.metrology.least_squares import Array
@@ -32,6 +33,7 @@ from drivers.schema.suggest import did_you_mean
 SCHEMA, DIGEST = "itb-calibration/1", "digest"
 LIMIT_BYTES = 2**24
 CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
+RATE = "dT_dt_C_per_min"
 ADDED = ("value", "extrapolated")
 ADDED_PHASE = "value_phase_deg"
 
@@ -127,7 +129,8 @@ def read_calibration(path: Path) -> CalibrationFile:
 def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str:
     """Add two columns to a CSV file with the columns `T_C`, `output` and, for several channels, `channel`.
 
-    `value` is blank for missing data, `extrapolated` is 1 beyond the range of the calibration. A response needs the
+    `value` is blank for missing data, `extrapolated` is 1 beyond the range of the calibration. With a column
+    `dT_dt_C_per_min` the dynamic model of a bias is used, if the calibration has one. A response needs the
     column `f_Hz` in place of `T_C`; outputs are amplitudes then, and a column `phase_deg` gets another one,
     `value_phase_deg`. Rows and columns are otherwise unchanged. Raises InputError.
     """
@@ -135,44 +138,66 @@ def compensated(calibration: CalibrationFile, data: Path, beyond: Beyond) -> str
     of_response = [each for each in known.values() if isinstance(each, ResponseCompensation)]
     warm = [each for each in known.values() if isinstance(each, Compensation) and each.valid_c is not None]
     needed = [*([TEMPERATURE] if warm else []), *([FREQUENCY] if of_response else []), OUTPUT]
-    table = read_table(data, needed, optional=(CHANNEL, *([PHASE] if of_response else [])))
+    by_rate = [RATE] if any(isinstance(each, Compensation) and each.dynamic for each in known.values()) else []
+    table = read_table(data, needed, optional=(CHANNEL, *([PHASE] if of_response else []), *by_rate))
+    value, phase_deg, outside = _values(known, table, beyond)
+    added: dict[str, Array | NDArray[np.bool_]] = dict(zip(ADDED, (value, outside), strict=True))
+    if of_response and PHASE in {name.strip() for name in next(csv.reader(io.StringIO(table.text)))}:
+        added[ADDED_PHASE] = phase_deg
+    return with_columns(table, added)
+
+
+def with_columns(table: Table, added: Mapping[str, Array | NDArray[np.bool_]]) -> str:
+    """The text of a CSV file with more columns (n,), NaN as a blank. Raises InputError if it has one already."""
     rows = list(csv.reader(io.StringIO(table.text, newline="")))
     header, cells = rows[0], [row for row in rows[1:] if row]
-    there = {name.strip() for name in header}
-    added = (*ADDED, ADDED_PHASE) if of_response and PHASE in there else ADDED
-    if clash := sorted(set(added) & there):
-        raise InputError(f"{data.name}: has a column '{clash[0]}' already; rename it")
-    value, phase_deg, outside = _values(known, table, beyond)
+    if clash := sorted(set(added) & {name.strip() for name in header}):
+        raise InputError(f"{table.file}: has a column '{clash[0]}' already; rename it")
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*header, *added])
-    for row, *found, is_outside in zip(cells, value.tolist(), phase_deg.tolist(), outside.tolist(), strict=True):
-        each, phase = ("" if number != number else repr(number) for number in found)
-        writer.writerow([*row, each, int(is_outside), phase][: len(row) + len(added)])
+    for row, *found in zip(cells, *(values.tolist() for values in added.values()), strict=True):
+        writer.writerow([*row, *(_cell(each) for each in found)])
     return text.getvalue()
+
+
+def _cell(value: float | bool) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if math.isnan(value) else repr(value)
+
+
+def rows_by_channel(known: Mapping[str, Known], table: Table) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """Channels of a file with masks of their rows (n,). Raises InputError for one that the calibration lacks."""
+    # A channel of M0 has an entry in g beside its rates: a row without a channel is then of its only rate.
+    referred = [name for name, each in known.items() if each.output_unit == each.value_unit] or [*known]
+    alone = referred[0] if len(referred) == 1 else ""
+    names = np.array([name.strip() or alone for name in table.columns[CHANNEL]], dtype=np.str_)
+    for name in np.unique(names).tolist():
+        if name not in known:
+            what = f"there is no channel '{name}'{did_you_mean(name, known)}" if name else "a row has no channel"
+            raise InputError(f"{table.file}: {what}; the calibration has {', '.join(known)}")
+        yield name, names == name
 
 
 def _values(known: Mapping[str, Known], table: Table, beyond: Beyond) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Value and phase of each row, and whether it is extrapolated."""
     output = table.numbers(OUTPUT)
-    temperature_c, frequency_hz, phase_deg = (
+    temperature_c, frequency_hz, phase_deg, c_per_min = (
         table.numbers(name) if name in table.columns else np.full(len(output), np.nan)
-        for name in (TEMPERATURE, FREQUENCY, PHASE)
+        for name in (TEMPERATURE, FREQUENCY, PHASE, RATE)
     )
-    # A channel of M0 has an entry in g beside its rates: a row without a channel is then of its only rate.
-    referred = [name for name, each in known.items() if each.output_unit == each.value_unit] or [*known]
-    alone = referred[0] if len(referred) == 1 else ""
-    names = np.array([name.strip() or alone for name in table.columns[CHANNEL]], dtype=np.str_)
     value, phase = np.full(len(output), np.nan), np.full(len(output), np.nan)
     outside = np.zeros(len(output), dtype=np.bool_)
-    for name in np.unique(names).tolist():
-        if name not in known:
-            what = f"there is no channel '{name}'{did_you_mean(name, known)}" if name else "a row has no channel"
-            raise InputError(f"{table.file}: {what}; the calibration has {', '.join(known)}")
-        of_channel, how = names == name, known[name]
+    for name, of_channel in rows_by_channel(known, table):
+        how = known[name]
         if isinstance(how, ResponseCompensation):
             value[of_channel], phase[of_channel], outside[of_channel] = how.apply(
                 output[of_channel], phase_deg[of_channel], frequency_hz[of_channel], beyond
+            )
+        elif how.dynamic is not None and np.isfinite(c_per_min).any():
+            value[of_channel], outside[of_channel] = how.apply_at_rate(
+                output[of_channel], temperature_c[of_channel], c_per_min[of_channel] / SECONDS, beyond
             )
         else:
             value[of_channel], outside[of_channel] = how.apply(output[of_channel], temperature_c[of_channel], beyond)

@@ -7,8 +7,10 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from bench.metrology.calibration.force_terms import ForceTerms
+from bench.metrology.calibration.dynamic import DynamicBias
+from bench.metrology.calibration.force_terms import ForceTerms, Sample
 from bench.metrology.calibration.linearity import RELATIVE, Linearity
+from bench.metrology.calibration.nominal_output import NominalOutput
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.second_order import NAMES
 from bench.metrology.calibration.temperature import Compensation
@@ -107,10 +109,35 @@ class _Force(Tolerant):
     bias_u_g: float = Field(0.0, ge=0)
     scale_u: float = Field(0.0, ge=0)
     valid_g: tuple[float, float]
+    sample: Sample = ""
+    step: float = Field(0.0, ge=0)
 
     def terms(self) -> ForceTerms:
         cross = {name: each.curve() for name, each in self.cross.items()}
-        return ForceTerms(self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u)
+        return ForceTerms(
+            self.quadratic.curve(), self.valid_g, cross, self.correlation, self.bias_u_g, self.scale_u, self.sample,
+            self.step,
+        )  # fmt: skip
+
+
+class _Nominal(Tolerant):
+    at_c: float
+    offset_u: tuple[float, ...]
+    scale_u: tuple[float, ...]
+    offset_beside_u: float = Field(0.0, ge=0)
+    scale_beside_u: float = Field(0.0, ge=0)
+
+    def output(self) -> NominalOutput:
+        return NominalOutput(self.at_c, self.offset_u, self.scale_u, self.offset_beside_u, self.scale_beside_u)
+
+
+class _Dynamic(Tolerant):
+    bias: _Polynomial
+    rate: _Constant
+    fastest: float = Field(alias="fastest_C_per_min", gt=0)
+
+    def dynamic(self) -> DynamicBias:
+        return DynamicBias(self.bias.curve(), self.rate.curve(), self.fastest)
 
 
 class ChannelForm(Tolerant):
@@ -125,6 +152,16 @@ class ChannelForm(Tolerant):
     linearity: _Linearity | None = None
     response: _Response | None = None
     force: _Force | None = None
+    thermometer: str = ""
+    nominal: _Nominal | None = None
+    dynamic: _Dynamic | None = None
+
+    @model_validator(mode="after")
+    def _has_all_knots(self) -> Self:
+        knots = len(self.scale.knots_c) if isinstance(self.scale, _Knots) else 0
+        if self.nominal is not None and {len(self.nominal.offset_u), len(self.nominal.scale_u)} != {knots}:
+            raise telling(f"nominal needs an offset_u and a scale_u for each of {knots} knots of scale")
+        return self
 
     def compensation(self) -> Known:
         """Compensation of the channel."""
@@ -136,4 +173,9 @@ class ChannelForm(Tolerant):
         offset, bias = (None if each is None else each.curve() for each in (self.offset, self.bias))
         linearity = None if self.linearity is None else self.linearity.linearity()
         force = None if self.force is None else self.force.terms()
-        return Compensation(self.channel, self.output, self.value, scale, offset, bias, linearity, force=force)
+        nominal = None if self.nominal is None else self.nominal.output()
+        dynamic = None if self.dynamic is None else self.dynamic.dynamic()
+        return Compensation(
+            self.channel, self.output, self.value, scale, offset, bias, linearity,
+            force=force, thermometer=self.thermometer, nominal=nominal, dynamic=dynamic,
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Specific force or velocity of a calibrated unit from a record of its counts."""
+"""Specific force or velocity of a calibrated unit from a record of its output, counted or sampled."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from bench.errors import InputError
 from bench.metrology.calibration.temperature import Beyond, Compensation
 from bench.metrology.velocity import Gravity, SpecificForce, integrate, specific_forces
 from bench.offline.calibration_file import CalibrationFile
-from bench.offline.count_series import CountSeries, read_counts
+from bench.offline.count_series import read_counts
+from bench.offline.motion_series import Series
+from bench.offline.sample_series import read_samples
 from drivers.quantity.quantities import parse
 from drivers.quantity.units import QuantityError
 
@@ -78,22 +80,29 @@ class Motion:
 
 
 def in_motion(calibration: CalibrationFile, data: Path, wanted: Wanted) -> Motion:
-    """Convert a CSV file of counts by a calibration. Raises InputError, also where a check of the record fails."""
+    """Convert a CSV file of counts or samples by a calibration.
+
+    Raises InputError, also where a check of the record fails.
+    """
     axes = axes_of(calibration)
     is_warm = any(known.valid_c is not None for known in axes.values())
-    return converted(
-        calibration, data.name, read_counts(data, list(axes), wanted.counter_bits, is_warm=is_warm), wanted
-    )
+    if is_counted(axes):
+        series = read_counts(data, list(axes), wanted.counter_bits, is_warm=is_warm)
+    else:
+        series = read_samples(data, axes, is_warm=is_warm)
+    return converted(calibration, data.name, series, wanted)
 
 
-def converted(calibration: CalibrationFile, name: str, series: CountSeries, wanted: Wanted) -> Motion:
-    """Convert a record of counts, called `name` in messages, as `in_motion` does."""
+def converted(calibration: CalibrationFile, name: str, series: Series, wanted: Wanted) -> Motion:
+    """Convert a record, called `name` in messages, as `in_motion` does."""
     axes = axes_of(calibration)
+    if wanted.counter_bits is not None and not series.is_counted:
+        raise InputError(f"{name}: --counter-bits is for counts; the calibration is of samples, which do not wrap")
     forces = specific_forces(series.record, axes, wanted.beyond)
     for channel, force in forces.items():
-        _expect_plausible(name, channel, force)
+        _expect_plausible(name, axes[channel], force)
     for channel, value_g in (wanted.at_start_g or {}).items():
-        _expect_at_start(name, channel, forces, value_g)
+        _expect_at_start(name, channel, forces, value_g, counted=series.is_counted)
     gravity = Gravity(calibration.gravity_mps2, calibration.u_gravity_mps2)
     if not gravity.mps2 > 0 and (wanted.to == "velocity" or wanted.unit != "g"):
         raise InputError(f"{name}: the calibration states no gravity, so that m/s² cannot be had from its g")
@@ -103,23 +112,34 @@ def converted(calibration: CalibrationFile, name: str, series: CountSeries, want
         columns += _columns(channel, force, gravity, wanted)
     marks = {"extrapolated": np.concatenate(([False], outside)), "gap": series.gap, "glitch": series.glitch}
     columns += [(name, "%d", mask) for name, mask in marks.items()]
-    remarks = [*_remarks(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
+    remarks = [*remarks_on(series, marks["extrapolated"]), *_beyond_inputs(axes, forces)]
     return Motion(columns, [f"{name}: {remark}" for remark in remarks])
 
 
+def is_counted(axes: Mapping[str, Compensation]) -> bool:
+    """True if the outputs of channels are counted, false if they are sampled."""
+    return all(known.output_unit == COUNTED for known in axes.values())
+
+
 def axes_of(calibration: CalibrationFile) -> dict[str, Compensation]:
-    """Counted channels with force terms. Raises InputError without one."""
+    """Channels with force terms, counted or sampled alike. Raises InputError without one."""
     known = calibration.over_temperature()
     axes = {
         name: each
         for name, each in known.items()
-        if each.force is not None and (each.output_unit, each.value_unit) == (COUNTED, FORCE)
+        if each.force is not None and each.value_unit == FORCE and (each.output_unit == COUNTED or each.force.sample)
     }
     if not axes:
         has = ", ".join(f"{name} ({each.output_unit} to {each.value_unit})" for name, each in known.items())
         raise InputError(
-            f"the calibration of {calibration.uut} gives no specific force from counts. That of a channel (M0) does if "
-            f"it has levels of gravity and of a source, that of an inertial unit (M2) if it is counted. It has {has}"
+            f"the calibration of {calibration.uut} gives no specific force. That of a channel (M0) does if it has "
+            f"levels of gravity and of a source, that of an inertial unit (M2) if it is counted. It has {has}"
+        )
+    kinds = {each.force.sample for each in axes.values() if each.force}
+    if len(kinds) > 1:
+        raise InputError(
+            f"the calibration of {calibration.uut} has channels of several kinds of output: {', '.join(axes)}. Their "
+            "samples are not of one record"
         )
     lacking = {other for each in axes.values() if each.force for other in each.force.cross if other not in axes}
     if lacking:
@@ -146,16 +166,22 @@ def _at_end(of_intervals: Array) -> Array:
     return np.concatenate(([np.nan], of_intervals))
 
 
-def _expect_plausible(file: str, channel: str, force: SpecificForce) -> None:
+def _expect_plausible(file: str, known: Compensation, force: SpecificForce) -> None:
     usual_g = float(np.nanmedian(np.abs(force.force_g))) if np.isfinite(force.force_g).any() else 0.0
-    if usual_g > MOST_G:
-        raise InputError(
-            f"{file}: channel {channel} would have {usual_g:.3g} g in half of the intervals; are the times in s, "
-            "and are these the counts of this channel?"
-        )
+    if usual_g <= MOST_G:
+        return
+    would = f"{file}: channel {known.channel} would have {usual_g:.3g} g in half of the intervals"
+    if known.output_unit == COUNTED:
+        raise InputError(f"{would}; are the times in s, and are these the counts of this channel?")
+    raise InputError(
+        f"{would}; the calibration is of an output in {known.output_unit}: is the column in this unit, and are these "
+        f"samples, not counts? Name it with its unit, such as {known.channel}_mV, if it is another one"
+    )
 
 
-def _expect_at_start(file: str, channel: str, forces: Mapping[str, SpecificForce], expected_g: float) -> None:
+def _expect_at_start(
+    file: str, channel: str, forces: Mapping[str, SpecificForce], expected_g: float, *, counted: bool
+) -> None:
     """Raise InputError if the mean of the first second is not what the user knows it to be."""
     if channel not in forces:
         raise InputError(
@@ -166,24 +192,38 @@ def _expect_at_start(file: str, channel: str, forces: Mapping[str, SpecificForce
     found_g = float(np.average(force.force_g[first], weights=force.seconds[first]))
     if abs(found_g - expected_g) <= STEADY_G:
         return
-    why = "is the unit at rest there, and are these the counts and the calibration of this unit?"
+    why = "is the unit at rest there, and are these the output and the calibration of this unit?"
     if abs(found_g + expected_g) <= STEADY_G:
-        why = f"the sign is another: are {channel}_pos and {channel}_neg exchanged, or is the axis the other way up?"
-    elif abs(1000 * found_g - expected_g) <= STEADY_G:
+        lines = (
+            f"are {channel}_pos and {channel}_neg exchanged" if counted else "are both lines of the output exchanged"
+        )
+        why = f"the sign is another: {lines}, or is the axis the other way up?"
+    elif counted and abs(1000 * found_g - expected_g) <= STEADY_G:
         why = "are the times of t_s in ms?"
     raise InputError(f"{file}: channel {channel} begins with {found_g:.6g} g, not with {expected_g:g} g; {why}")
 
 
-def _remarks(series: CountSeries, extrapolated: NDArray[np.bool_]) -> Iterator[str]:
+_COUNTED = (
+    "readings are missing before the row; the counters went on",
+    "a counter may have wrapped unnoticed; a velocity is blank from there on",
+    "the rate of one interval differs from those before and after it: lost or extra pulses",
+)
+_SAMPLED = (
+    "samples are missing before the row; the output is taken to be between its neighbours",
+    "too many samples are missing before the row; a velocity is blank from there on",
+    "one sample differs from those before and after it",
+)
+
+
+def remarks_on(series: Series, extrapolated: NDArray[np.bool_]) -> Iterator[str]:
     """Remarks on rows that were left out or are marked."""
     time_s = series.record.time_s
     if series.left_out:
-        yield f"{series.left_out} rows without a time or a count were left out"
+        yield f"{series.left_out} rows without a time or an output were left out"
+    of_kind = _COUNTED if series.is_counted else _SAMPLED
     for marked, what in (
         (extrapolated, "the temperature is outside of the range of the calibration"),
-        (series.gap, "readings are missing before the row; the counters went on"),
-        (series.lost, "a counter may have wrapped unnoticed; a velocity is blank from there on"),
-        (series.glitch, "the rate of one interval differs from those before and after it: lost or extra pulses"),
+        *zip((series.gap, series.lost, series.glitch), of_kind, strict=True),
     ):
         rows = np.flatnonzero(marked)
         if len(rows):

@@ -13,7 +13,7 @@ from bench.metrology.acquisition import Acquisition, Codes, Counts, Currents, Mo
 from bench.metrology.gaps import missed_of
 from bench.metrology.missed import Missed
 from bench.metrology.outputs import windows_of
-from bench.metrology.run_data import PowerCycles, RunData, UnitUnderTest
+from bench.metrology.run_data import PowerCycles, RunData, TemperatureCircuit, UnitUnderTest
 from bench.reduce.certificates import bench_record
 from bench.reduce.corrections import Corrections, corrections_of
 from bench.sequence.plan.dwells import DwellNames, first_visit, loop_values
@@ -34,9 +34,7 @@ def run_data(
     """
     dropped_s = {event.data["place"]: event.at_s for event in reader.events("unit_dropped")}
     units = tuple(_unit(place, serial, bench, dropped_s.get(place, math.inf)) for place, serial in serials.items())
-    thermometers = [
-        name for unit in units for name in (unit.temperature, unit.gyro_temperature, unit.converter) if name
-    ]
+    thermometers = [name for unit in units for name in unit.thermometers]
     acquired = tuple(acquisitions(reader, bench, thermometers, label, corrections_of(bench), windows=windows))
     return RunData(label, units, acquired, bench_record(bench), span_s=reader.span_s())
 
@@ -120,6 +118,8 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         nominal_per_g=bench.nominal_per_g(place),
         channels=entry.channels.model_dump() if entry.channels is not None else {},
         gyro_temperature=at_gyros if entry.channels is not None else "",
+        temperatures=entry.at_sensors,
+        circuit=_circuit(place, bench),
         converter=entry.converter_temperature or "",
         source=entry.source or "",
         scale_a_per_g=entry.nominal.amperes_per_g if entry.nominal is not None else math.nan,
@@ -132,6 +132,17 @@ def _unit(place: str, serial: str, bench: BenchFile, until_s: float) -> UnitUnde
         ammeter=entry.ammeter or "",
         power_cycles=None if entry.power_cycles is None else PowerCycles(**entry.power_cycles.standard_u),
     )
+
+
+def _circuit(place: str, bench: BenchFile) -> TemperatureCircuit | None:
+    entry, unit = bench.places[place], bench.circuit_unit(place)
+    stated = entry.circuit
+    if stated is None or unit is None:
+        return None
+    found = TemperatureCircuit(stated.output, unit, stated.reference or entry.temperature)
+    if stated.nominal is None or stated.slope is None or stated.at is None:
+        return found
+    return replace(found, nominal=stated.nominal.to(unit), at_c=stated.at, slope=stated.slope.to(f"{unit}/°C"))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,14 @@ import numpy as np
 
 from bench.config.fixture import Vector
 from bench.config.models import BenchFile
-from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord, ClockRecord, Drift, SourceRecord
+from bench.metrology.bench_uncertainty import (
+    AxisRecord,
+    BenchRecord,
+    ClockRecord,
+    Drift,
+    SourceRecord,
+    TiltPairRecord,
+)
 from drivers.can.sent_frames import WITH_THE_COUNTS
 
 ARCSEC_DEG = 1 / 3600
@@ -53,6 +60,10 @@ def bench_record(bench: BenchFile) -> BenchRecord:
             for name, reading in bench.readings.items()
             if reading.calibration is not None
         },
+        tilt_pairs=tuple(
+            TiltPairRecord(pair.along, pair.across, pair.skew.value, pair.skew.U / pair.skew.k)
+            for pair in bench.fixture.tilt_pairs
+        ),
     )
 
 

@@ -93,7 +93,9 @@ def evaluate(
             found_of_unit = found[unit.place]
             findings = compared_with_nominal(found_of_unit.findings, unit)
             result = dataclasses.replace(found_of_unit, findings=findings, dropped=dropped)
-            units.append(_judged(result, entry, method.units(unit.output_unit, unit.gyro_output_unit)))
+            circuit_unit = None if unit.circuit is None else unit.circuit.unit
+            in_units = method.units(unit.output_unit, unit.gyro_output_unit, circuit_unit)
+            units.append(_judged(result, entry, in_units))
     verdict = _verdict(units, sequence, state, from_journal)
     return Results(sequence.title, verdict, tuple(units), from_journal)
 

@@ -161,7 +161,8 @@ def _sections(run: StoredRun, results: Results) -> Iterator[UnitSection]:
     entries = [entry for entry in run.sequence.results for _ in run.serials]
     for number, (entry, unit) in enumerate(zip(entries, results.units, strict=True)):
         method = known_methods()[entry.method]
-        in_units = method.units(run.bench.output_unit(unit.place), run.bench.gyro_output_unit(unit.place))
+        bench, place = run.bench, unit.place
+        in_units = method.units(bench.output_unit(place), bench.gyro_output_unit(place), bench.circuit_unit(place))
         limits = {name: limits_in(limit, in_units[name]) for name, limit in entry.limits.items()}
         yield _section(unit, f"{unit.place}-{number}", limits, in_units, method)
 

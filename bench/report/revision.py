@@ -33,7 +33,7 @@ from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 REVISIONS = "report_revisions.json"
-FORMS = ("html", "pdf", "json", "csv")
+FORMS = ("html", "pdf", "json", "csv", "xml")
 SCHEMA = "itb-reports/1"
 NOTHING_AFTER = Afterwards()
 _ISSUED = rf"report\.[A-Za-z0-9-]+-\d{{4}}-\d{{5,}}-[A-Z0-9]+\.({'|'.join(FORMS)})"

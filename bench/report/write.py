@@ -14,13 +14,13 @@ from bench.errors import BenchError, InputError
 from bench.figures.languages import ENGLISH, language
 from bench.files import atomic_file, write_atomically
 from bench.metrology.results.coverage import COVERAGE
+from bench.optional import imported
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.report.afterwards import afterwards
 from bench.report.approval import approval_of
 from bench.report.export.csv_cells import harmless
 from bench.report.html import render
-from bench.report.optional import imported
 from bench.report.revision import replacing, revision_of, writing
 from bench.store.runs import MANIFEST, json_text
 
@@ -51,9 +51,14 @@ def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH, out: P
     return path
 
 
-def _write_elsewhere(run: StoredRun, form: str, lang: str, out: Path) -> Path:
+def expect_elsewhere(out: Path) -> None:
+    """Raise InputError if a file would be in the directory of a run."""
     if (Path(os.path.realpath(out)).parent / MANIFEST).exists():
         raise InputError(f"{out}: is in the directory of a run; choose another place")
+
+
+def _write_elsewhere(run: StoredRun, form: str, lang: str, out: Path) -> Path:
+    expect_elsewhere(out)
     with writing(run.folder), language(lang):
         content = FORMS[form](run)
     with atomic_file(out) as draft:

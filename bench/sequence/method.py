@@ -31,12 +31,14 @@ SHIPPED: Mapping[str, str] = {
     "temperature_ramp": "bench.methods.ramp.method:TEMPERATURE_RAMP",
     "temperature_tumble": "bench.methods.tumble.method:TEMPERATURE_TUMBLE",
     "verify_compensation": "bench.methods.tumble.method:VERIFY_COMPENSATION",
+    "verify_on_ramp": "bench.methods.ramp.method:VERIFY_ON_RAMP",
     "threshold": "bench.methods.threshold.method:THRESHOLD",
 }
 OUTPUT = "output"  # as the unit of a quantity: stands for the unit of the units' output
 OUTPUT_UNITS = ("pulse/s", "V", "code")
 NOTHING: Mapping[str, str] = MappingProxyType({})
 GYRO_OUTPUT = "gyro_output"  # likewise, for the gyros of an inertial unit
+CIRCUIT_OUTPUT = "circuit_output"  # likewise, for the temperature circuit of an inertial unit
 
 
 CHANNEL = (
@@ -70,19 +72,19 @@ class MethodDescription(NamedTuple):
 
     `settings` validates its settings. `quantities` are the results that limits may name, each with its unit or a pair
     of that and the one that a report displays; OUTPUT stands for the unit of the units' output, GYRO_OUTPUT for that of
-    their gyros. `target` is "module:function", which reduces the data of a run to findings. `counts_at` is the layout
-    of its acquisitions: readings at dwells, each a leg of a temperature ramp, steps of a ladder, each at one input
-    level, each a window of which only the means are used, each on a table at rest or in motion, or each a record of its
-    own. `first_dwell` is the number of its first dwell in the report. `drawn_by` is "module:function", which returns
-    the plots and tables of a unit that a report shows beside the tables common to all methods. `after` names the
-    standards it follows (equations 7), without a claim of conformity. `shown` are displayed units of other results, or
-    of quantities that have no pair. `rules`, `words`, `translations`, `spans`, `offline` and `truth` are
-    "module:attribute" too, empty for none: its Rules on a plan, its words by kind (`MethodWords`, `texts_of`),
-    translations of its texts by language, the function that divides the run into spans, its reductions of recorded
-    cases, and the function that computes the truth of simulated data from the RunData of a label and the World of the
-    simulation. `parts` are the loops and groups that its reduction finds by name. `meaning` describes its results,
-    `measures` its kind of unit or several, `needs_calibration` is true if it needs a released calibration of each unit,
-    `closes` if it uses the acquisitions of `closure` like its other data.
+    their gyros, CIRCUIT_OUTPUT for that of their temperature circuit. `target` is "module:function", which reduces the
+    data of a run to findings. `counts_at` is the layout of its acquisitions: readings at dwells, each a leg of a
+    temperature ramp, steps of a ladder, each at one input level, each a window of which only the means are used, each
+    on a table at rest or in motion, or each a record of its own. `first_dwell` is the number of its first dwell in the
+    report. `drawn_by` is "module:function", which returns the plots and tables of a unit that a report shows beside the
+    tables common to all methods. `after` names the standards it follows (equations 7), without a claim of conformity.
+    `shown` are displayed units of other results, or of quantities that have no pair. `rules`, `words`, `translations`,
+    `spans`, `offline` and `truth` are "module:attribute" too, empty for none: its Rules on a plan, its words by kind
+    (`MethodWords`, `texts_of`), translations of its texts by language, the function that divides the run into spans,
+    its reductions of recorded cases, and the function that computes the truth of simulated data from the RunData of a
+    label and the World of the simulation. `parts` are the loops and groups that its reduction finds by name. `meaning`
+    describes its results, `measures` its kind of unit or several, `needs_calibration` is true if it needs a released
+    calibration of each unit, `closes` if it uses the acquisitions of `closure` like its other data.
     """
 
     name: str
@@ -107,12 +109,20 @@ class MethodDescription(NamedTuple):
     translations: str = ""
     truth: str = ""
 
-    def units(self, output_unit: str, gyro_output_unit: str | None = None) -> Mapping[str, str]:
-        """Units of the quantities for units with output in `output_unit`, and gyros in `gyro_output_unit`."""
-        return {
-            name: unit.replace(GYRO_OUTPUT, gyro_output_unit or output_unit).replace(OUTPUT, output_unit)
-            for name, unit in self.stated.items()
-        }
+    def units(
+        self, output_unit: str, gyro_output_unit: str | None = None, circuit_unit: str | None = None
+    ) -> Mapping[str, str]:
+        """Units of the quantities for units with output in `output_unit`, and gyros in `gyro_output_unit`.
+
+        `circuit_unit` is that of a temperature circuit, Hz if there is none.
+        """
+        of_part = {CIRCUIT_OUTPUT: circuit_unit or "Hz", GYRO_OUTPUT: gyro_output_unit or output_unit}
+        found = {}
+        for name, unit in self.stated.items():
+            for part, own in of_part.items():
+                unit = unit.replace(part, own)
+            found[name] = unit.replace(OUTPUT, output_unit)
+        return found
 
     @property
     def kinds(self) -> tuple[UnitKind, ...]:

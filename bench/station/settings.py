@@ -46,6 +46,7 @@ class StationFile(StrictModel):
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     laboratory: str = Field("", description="file lab.yaml of the laboratory, relative to this file, for certificates")
     signature: SignatureEntry | None = Field(None, description="key that signs approved reports; without it, none is")
+    dcc: bool = Field(False, description="with an approved report its Digital Calibration Certificate is issued")
     report_prefix: str = Field(
         "",
         pattern=r"^[A-Za-z0-9-]{0,20}$",
@@ -85,6 +86,7 @@ class Settings(NamedTuple):
     mqtt: MqttSettings | None = None
     laboratory: Path | None = None
     signature: KeyFiles | None = None
+    dcc: bool = False
     report_prefix: str = "R"
     released_only: bool = False
     idle: timedelta | None = None
@@ -163,6 +165,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         sequences=(beside / found.sequences) if found.sequences else None,
         laboratory=(beside / found.laboratory) if found.laboratory else None,
         signature=key_files(found.signature, beside.absolute()) if found.signature is not None else None,
+        dcc=found.dcc,
         report_prefix=found.report_prefix or _own_prefix(),
         released_only=found.released_only,
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,

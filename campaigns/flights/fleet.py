@@ -2,10 +2,11 @@
 
     python -m campaigns.flights --seeds 40
     python -m campaigns.flights --method M2 --kind hysteresis --seeds 8
+    python -m campaigns.flights --method "M0 volts" "M0 codes" --seeds 20
 
-Each seed is another unit on another bench. A run is replayed at the level of records (`campaigns/truth/replay.py`),
-its calibration file written, and a flight of the same unit (`flight.py`) converted through the files that `bench
-compensate` reads.
+Each seed is another unit on another bench. A run is replayed at the level of records (`campaigns/truth/replay.py`), or
+of volts and codes goes through all wires; its calibration file is written, and a flight of the same unit (`flight.py`)
+converted through the files that `bench compensate` reads.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing import Pool
 from pathlib import Path
@@ -22,13 +24,19 @@ from typing import Any
 
 import numpy as np
 
+from bench.app.drawn import world_settings
+from bench.app.laboratory import unit_files
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
+from bench.metrology.run_data import RunData
 from bench.offline.calibration_file import calibration_files, read_calibration
 from bench.offline.motion import in_motion, wanted
 from bench.reduce.evaluate import evaluate
 from bench.reduce.journal import JournalRecords
+from bench.reduce.stored_run import open_run
+from bench.sequence.document.model import SequenceFile
 from campaigns.flights.flight import Flight, Profile, Push, Sensor, write_record
+from campaigns.truth.campaign import run_one
 from campaigns.truth.cells import Cell
 from campaigns.truth.player import Player, Template
 from campaigns.truth.replay import template_of
@@ -39,10 +47,16 @@ from simulators.world import World
 KINDS = ("as shipped", "negative scale", "hysteresis", "noisy")
 RMS = (0.75, 1.35)  # of error/u
 AT_S = (1.0, 30.0, 150.0, 600.0)  # times of a flight at which its velocity is compared
+REPLAYED = ("M0", "M2")
 PLACE, G_MPS2 = "a", 9.80665
 BIAS, QUADRATIC = 20e-6, 5e-6  # standard uncertainties in g and g/g² of the accelerometer of a channel, as stated
 STORED_C = (-20.0, 50.0)  # cold or hot: ends of the calibration, from where loops of hysteresis are widest
-WARMS_C = {"M0": 6.0, "M2": 1.0}  # by which the thermometer of the calibration rises in a flight
+WARMS_C = {
+    "M0": 6.0,
+    "M0 volts": 6.0,
+    "M0 codes": 6.0,
+    "M2": 1.0,
+}  # by which the thermometer of the calibration rises in a flight
 ROOM_C = 20.0  # at which a unit was stored before its flight
 
 
@@ -105,26 +119,32 @@ class Flown:
 
     def _velocities(self) -> dict[str, np.ndarray]:
         """Columns of `bench compensate --to velocity`, with the noise of the unit stated."""
-        unit = self.sensors[0].truth
-        noise = f"{unit.noise_density:.9g} g/Hz^0.5"
-        options = wanted("velocity", "g", "hold", unit.counter_bits, noise, ())
+        one = self.sensors[0]
+        noise = f"{one.noise_density_g(self.flight):.9g} g/Hz^0.5"
+        options = wanted("velocity", "g", "hold", one.truth.counter_bits if one.through is None else None, noise, ())
         found = in_motion(read_calibration(self.calibration), self.record, options)
         return {name: np.asarray(values) for name, _, values in found.columns}
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """Units of one kind, calibrated by one method: what the flights of their seeds need."""
+    """Units of one kind, calibrated by one method: what the flights of their seeds need.
 
-    method: str
-    template: Template
+    Without a `template` each seed is a run of the `cell` through all wires, in the folder.
+    """
+
+    cell: Cell
     bench: BenchFile
+    folder: Path
+    template: Template | None
 
     @classmethod
     def of(cls, method: str, kind: str, folder: Path) -> Fleet:
-        """Run the calibration once through all wires; all other seeds are replayed from it."""
-        request = Cell(method, kind).request(folder, seed=0)
-        return cls(method, template_of(request), load_bench(Path(request.bench)).bench)
+        """Run the calibration once through all wires, from which all other seeds are replayed if they can be."""
+        cell = Cell(method, kind)
+        request = cell.request(folder, seed=0)
+        template = template_of(request) if method in REPLAYED else None
+        return cls(cell, load_bench(Path(request.bench)).bench, folder, template)
 
     def fly(self, seed: int, folder: Path) -> Flown | None:
         """Calibrate the unit of a seed, and fly it; None if its calibration has no specific force.
@@ -135,7 +155,7 @@ class Fleet:
         sensors, thermometer = self.sensors(world, seed)
         if not {sensor.name for sensor in sensors} <= {entry["channel"] for entry in content["channels"]}:
             return None
-        flight = flight_of(seed, _valid_c(content, sensors), WARMS_C[self.method], sideways=len(sensors) > 1)
+        flight = flight_of(seed, _valid_c(content, sensors), WARMS_C[self.cell.method], sideways=len(sensors) > 1)
         folder.mkdir(parents=True, exist_ok=True)
         flown = Flown(seed, flight, sensors, folder / "calibration.json", folder / "flight.csv")
         flown.calibration.write_text(json.dumps(content), "utf-8")
@@ -144,30 +164,47 @@ class Fleet:
 
     def calibrated(self, seed: int) -> tuple[World, dict[str, Any]]:
         """World of a seed after the calibration, and the content of the calibration file."""
-        player = Player(self.template, self.bench, seed, None)
-        data = player.play()
-        sequence = self.template.sequence
-        if self.method == "M0":
-            (sensor,), _ = self.sensors(player.world, seed)
+        if self.template is not None:
+            player = Player(self.template, self.bench, seed, None)
+            data = player.play()
+            return player.world, self._content(player.world, seed, self.template.sequence, data.__getitem__)
+        path = run_one(self.cell.request(self.folder, seed))
+        with open_run(path) as stored:
+            began_s, ended_s = stored.data(stored.sequence.results[0].data).span_s
+            settings = world_settings(self.bench, unit_files(self.bench, None), seed, ended_s - began_s)
+            world = World(settings, lambda: ended_s)
+            content = self._content(world, seed, stored.sequence, stored.data)
+        shutil.rmtree(path)
+        return world, content
+
+    def _content(
+        self, world: World, seed: int, sequence: SequenceFile, data: Callable[[str], RunData]
+    ) -> dict[str, Any]:
+        """Content of the calibration file of a run; of a channel with bias and nonlinearity stated."""
+        if self.cell.method != "M2":
+            (sensor,), _ = self.sensors(world, seed)
             stated = stated_of(sensor)
             results = [
                 entry.model_copy(update={"settings": {**entry.settings, **stated}}) for entry in sequence.results
             ]
             sequence = sequence.model_copy(update={"results": results})
-        found = evaluate(sequence, data.__getitem__, "completed", JournalRecords())
+        found = evaluate(sequence, data, "completed", JournalRecords())
         manifest = {"run": f"flight_{seed}", "sequence": sequence.title, "started": "", "simulated": True}
         ((_, content),) = calibration_files(found.units, manifest, self.bench)
-        return player.world, content
+        return content
 
     def sensors(self, world: World, seed: int) -> tuple[list[Sensor], ThermometerErrors]:
         """Sensors of the unit, and the thermometer that its calibration is for."""
         settings, middle_s = world.settings, world.now() / 2
         common = {"seed": seed, "gravity_mps2": settings.gravity_mps2}
-        if self.method == "M0":
-            place, truth = settings.places[PLACE], world.counted[PLACE].truth
+        if self.cell.method != "M2":
+            place, truth = settings.places[PLACE], world.units[PLACE].truth
             held_c = place.unit.thermal.thermostat.set_point
             drifted_g = truth.drift_g_per_s * middle_s
-            sensor = Sensor(truth, place.channel, before_c=(ROOM_C,), drifted_g=drifted_g, fixed_c=held_c, **common)
+            (name,) = self.bench.places[PLACE].measured_by.values()
+            sensor = Sensor(
+                truth, name, before_c=(ROOM_C,), drifted_g=drifted_g, fixed_c=held_c, through=place.through, **common
+            )
             return [sensor], place.converter_thermometer
         imu = world.imus[PLACE]
         stored_c = float(stream(seed, "flight", "stored").choice(STORED_C))
@@ -184,7 +221,8 @@ def stated_of(sensor: Sensor) -> dict[str, str]:
     """Bias and nonlinearity of the accelerometer, as another calibration has found them: with errors."""
     truth, draws = sensor.truth, stream(sensor.seed, "flight", "stated")
     hysteresis_g = float(sensor.moved_g(flight_of(0, (20.0, 30.0), 0.0, sideways=False))[0, 0])
-    bias_g = truth.bias[0] + hysteresis_g + truth.zero_pps / (truth.pulses_per_a * truth.scale_a_per_g)
+    zero, at_1g = truth.output(np.array([0.0, truth.scale_a_per_g]), sensor.through).tolist()
+    bias_g = truth.bias[0] + hysteresis_g + zero / (at_1g - zero)
     bias_g += BIAS * float(draws.standard_normal())
     quadratic = truth.k2 + QUADRATIC * float(draws.standard_normal())
     return {
@@ -244,7 +282,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--method", choices=("M0", "M2"), nargs="+", default=["M0", "M2"])
+    parser.add_argument("--method", choices=list(WARMS_C), nargs="+", default=list(WARMS_C))
     parser.add_argument("--kind", choices=KINDS, nargs="+", default=list(KINDS))
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args()

@@ -11,7 +11,8 @@ from unittest import mock
 import numpy as np
 
 from bench.metrology import velocity
-from bench.offline import count_series, motion
+from bench.metrology.motion_records import SampleRecord
+from bench.offline import count_series, motion, sample_series
 
 
 def white_errors() -> AbstractContextManager[object]:
@@ -55,6 +56,16 @@ def standard_gravity() -> AbstractContextManager[object]:
     return mock.patch.object(motion, "Gravity", lambda _, u_mps2: honest(9.80665, u_mps2))
 
 
+def other_samples() -> AbstractContextManager[object]:
+    """Means taken for outputs at their times, and the reverse."""
+    honest = sample_series.SampleRecord
+
+    def mistaken(*columns: Any, averaged: bool) -> SampleRecord:
+        return honest(*columns, averaged=not averaged)
+
+    return mock.patch.object(sample_series, "SampleRecord", mistaken)
+
+
 def exchanged_counters() -> AbstractContextManager[object]:
     """The + and - counters the wrong way round."""
     return mock.patch.object(count_series, "SIGNS", ("_neg", "_pos"))
@@ -66,4 +77,8 @@ PLANTED: Mapping[str, Callable[[], AbstractContextManager[object]]] = {
     "standard gravity for that of the calibration": standard_gravity,
     "exchanged counters": exchanged_counters,
     "no cross-coupling": one_axis_alone,
+}
+PLANTED_IN_SAMPLES: Mapping[str, Callable[[], AbstractContextManager[object]]] = {
+    "standard gravity for that of the calibration": standard_gravity,
+    "means for outputs at their times, or the reverse": other_samples,
 }

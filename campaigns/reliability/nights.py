@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,7 @@ def night(number: int) -> str:
         again = _played(_faults(_bench(), np.random.default_rng([16, number]), number))
         if again[1] != played[0][1]:
             return "played again it is another run"
-    return "; ".join(_wrong_with(played[0][0]))
+    return "; ".join(played[0][0].wrong)
 
 
 def thermal(number: int) -> str:
@@ -52,7 +51,7 @@ def thermal(number: int) -> str:
     rehearsal, _, commanded_s = _played((FaultSimulation.model_validate(fault),))
     results = rehearsal.result.results
     if rehearsal.began_s == (None,) or rehearsal.result.outcome.how != "completed":
-        return "; ".join(_wrong_with(rehearsal))
+        return "; ".join(rehearsal.wrong)
     if results is not None and results.verdict != "PASS":
         return ""
     if fault["kind"] == "restart" and rehearsal.began_s[0] < commanded_s:
@@ -102,16 +101,3 @@ def _played(faults: tuple[FaultSimulation, ...]) -> tuple[Rehearsal, str, float]
         prepared = prepared._replace(loaded=loaded._replace(bench=with_faults(loaded.bench, faults)))
         rehearsal = rehearse(prepared, Quiet())
         return rehearsal, digest_of(rehearsal.result.path), _commanded_s(rehearsal.result.path)
-
-
-def _wrong_with(rehearsal: Rehearsal) -> Iterator[str]:
-    outcome, faults = rehearsal.result.outcome, [f"{fault.device} {fault.kind}" for fault in rehearsal.faults]
-    if rehearsal.unsafe_without_fault:
-        yield f"{faults}: not safe though not broken: {rehearsal.unsafe_without_fault}"
-    if rehearsal.lost:
-        yield f"{faults}: lost: {rehearsal.lost[:3]}"
-    if outcome.how == "completed":
-        return
-    told = " ".join(rehearsal.result.problems)
-    if not any(str(fault.device) in told for fault in rehearsal.faults):
-        yield f"{faults}: ended with {outcome.how} and does not name the cause: {told[:300]!r}"

@@ -31,6 +31,8 @@ from campaigns.truth import (
     ramp,
     repeatability,
     table,
+    verified,
+    verified_pair,
 )
 from campaigns.truth.altered import alter_file
 from campaigns.truth.campaign import ROOT, Comparison, full_bench, results_of, run_one
@@ -51,9 +53,16 @@ def _channel(truth: dict, results: dict) -> Iterable[Comparison]:
     return channel.compared(truth, results).values()
 
 
+def _channel_in(folder: Path) -> Iterable[Comparison]:
+    return channel.compare_channel(folder).values()
+
+
 @dataclass(frozen=True)
 class Method:
-    """A method as the campaign runs it. Without `compare` its truth needs more than its files: wires alone."""
+    """A method as the campaign runs it. Without `compare` its truth needs more than its files: wires alone.
+
+    One that verifies a calibration has `compare_with`, which gets it as well; the sequence `calibrated_by` finds it.
+    """
 
     name: str
     sequence: str
@@ -66,9 +75,19 @@ class Method:
     calibration: Path | None = None
     preset: str | None = "quick"
     on_bench: str = ""  # the unit that the bench file names, in place of which it is
+    compare_with: Callable[[dict, dict, dict], Iterable[Comparison]] | None = None
+    calibrated_by: str = ""
+    units: tuple[str, ...] = ()  # by place, of a bench with several
 
-    def found(self, truth: dict, results: dict) -> list[Comparison]:
-        """All that has a truth, beside it."""
+    @property
+    def at_records(self) -> bool:
+        """True if it can be run at the level of records."""
+        return self.compare is not None or self.compare_with is not None
+
+    def found(self, truth: dict, results: dict, known: dict | None = None) -> list[Comparison]:
+        """All that has a truth, beside it; `known` is the calibration that was verified."""
+        if self.compare_with is not None and known is not None:
+            return list(self.compare_with(truth, results, known))
         assert self.compare is not None
         return list(self.compare(truth, results))
 
@@ -76,7 +95,8 @@ class Method:
         """The same of a run in a folder."""
         if self.of_folder is not None:
             return list(self.of_folder(folder))
-        return self.found(json.loads((folder / "truth.json").read_text("utf-8")), results_of(folder))
+        known = verified.known_of(folder) if self.compare_with is not None else None
+        return self.found(json.loads((folder / "truth.json").read_text("utf-8")), results_of(folder), known)
 
 
 LONG_ON = ("warm_up=40 min",)  # so that the unit is as warm as it becomes
@@ -87,11 +107,28 @@ METHODS = {
         Method("M4a clocked", "tumble_clocked", "simulated", "quartz_flexure", ACCELEROMETERS, campaign.compared,
                ("steady_within=9 µg",)),
         Method("M4b", "ramp_dynamic", "simulated", "quartz_flexure", ACCELEROMETERS, ramp.compared),
+        Method("M4a verified", "verify_compensation", "simulated", "quartz_flexure", ACCELEROMETERS, None,
+               compare_with=verified.compare_tumble, calibrated_by="tumble_static"),
+        Method("M4b verified", "verify_on_ramp", "simulated", "quartz_flexure", ACCELEROMETERS, None,
+               ("low=-20 °C", "high=50 °C"), compare_with=verified.compare_ramp, calibrated_by="ramp_dynamic"),
+        Method("M4a pair", "verify_compensation", "three_units", "quartz_flexure", ("as shipped", "hysteresis"), None,
+               compare_with=verified_pair.compare_tumble, calibrated_by="tumble_static", units=("a=UA", "b=UB")),
+        Method("M4b pair", "verify_on_ramp", "three_units", "quartz_flexure", ("as shipped", "hysteresis"), None,
+               ("low=-20 °C", "high=50 °C"), compare_with=verified_pair.compare_ramp, calibrated_by="tumble_static",
+               units=("a=UA", "b=UB")),
+        Method("M4b pair dynamic", "verify_on_ramp", "three_units", "quartz_flexure", ("as shipped", "hysteresis"),
+               None,
+               ("low=-20 °C", "high=50 °C"), compare_with=verified_pair.compare_ramp, calibrated_by="ramp_dynamic",
+               units=("a=UA", "b=UB")),
         Method("M4d", "threshold_resolution", "simulated", "dead_band", ACCELEROMETERS, ladder.compared,
                on_bench="quartz_flexure"),
         Method("repeatability", "repeatability", "simulated", "quartz_flexure", ACCELEROMETERS, repeatability.compared,
                ("repetitions=6", "steady_within=9 µg", "gate=30 s"), preset=None),
         Method("M0", "channel_full", "channel", "if_channel", ACCELEROMETERS, _channel),
+        Method("M0 volts", "channel_full", "channel_volts", "volts_channel", ACCELEROMETERS, None,
+               of_folder=_channel_in),
+        Method("M0 codes", "channel_full", "channel_telemetry", "digital_channel", ACCELEROMETERS, None,
+               of_folder=_channel_in),
         Method("M0 inertial", "channel_imu", "channel_imu", "imu_channels", ACCELEROMETERS, _channel),
         Method("M1", "indexing_static", "indexing_pulses", "micro_g", ACCELEROMETERS, indexing.compared,
                ("largest=0.4°", "step=0.2°")),  # where none saturates
@@ -141,10 +178,19 @@ class Cell:
         if not bench.exists():
             self._prepare(method, bench, stated)
         given = () if method.calibration is None else (str(method.calibration),)
+        given += tuple(f"{place}={file}" for place, file in self.calibrations(folder).items())
         return RunRequest(
             str(stated) if stated.exists() else method.sequence, bench=str(bench), preset=method.preset, seed=seed,
-            settings=method.settings, runs=folder / self.name / "runs", calibrations=given,
+            settings=method.settings, runs=folder / self.name / "runs", calibrations=given, units=method.units,
         )  # fmt: skip
+
+    def calibrations(self, folder: Path) -> dict[str, Path]:
+        """The calibrations that it verifies by place, of the same units on the same bench, with other errors."""
+        method, config = METHODS[self.method], folder / self.name / "config"
+        if not method.calibrated_by:
+            return {}
+        bench = config / f"{method.bench}.yaml"
+        return verified.calibrate(method.calibrated_by, bench, folder / self.name, method.units)
 
     def _prepare(self, method: Method, bench: Path, stated: Path) -> None:
         units = bench.parent / "uut"
@@ -155,7 +201,7 @@ class Cell:
             ladder.draw_dead_band(unit)
         if method.name == "repeatability":
             repeatability.scatter(bench, unit)
-        if method.name == "M4b":
+        if method.name in ("M4b", "M4b verified") or method.units:
             ramp.draw_misalignments(bench.parent)
         alter_file(unit, self.kind)
         if self.kind == "negative scale":
@@ -166,7 +212,7 @@ class Cell:
 
 def _state_negative(bench: Path, stated: Path, sequence: str) -> None:
     """Let a bench file, and the settings of a range or a response, say that the output falls while the input rises."""
-    bench.write_text(re.sub(r"\bK1: (?=\d)", "K1: -", bench.read_text("utf-8")), "utf-8")
+    bench.write_text(re.sub(r"\b(K1|output): (?=\d)", r"\1: -", bench.read_text("utf-8")), "utf-8")
     text, count = re.subn(
         r"(?<=scale: \[)[^]]*", lambda list_: re.sub(r"\b(?=\d+ )", "-", list_[0]),
         (ROOT / "sequences" / f"{sequence}.yaml").read_text("utf-8"),
@@ -252,13 +298,14 @@ def run(cell: Cell, seeds: Sequence[int], folder: Path, records: Path, processes
         path = records / f"{cell.name}.jsonl"
         path.write_text("".join(line.to_json() + "\n" for line in before), "utf-8")
         with path.open("a", encoding="utf-8") as file:
-            for line in _run(cell, missing, folder, processes):
+            for line in lines_of(cell, missing, folder, processes):
                 file.write(line.to_json() + "\n")
                 file.flush()
     return [line for line in known(cell, records) if line.seed in set(seeds)]
 
 
-def _run(cell: Cell, seeds: Sequence[int], folder: Path, processes: int) -> Iterator[Line]:
+def lines_of(cell: Cell, seeds: Sequence[int], folder: Path, processes: int = 1) -> Iterator[Line]:
+    """Run a cell with these seeds, each to a line."""
     work: Callable[[int], Line] = partial(_line, partial(_through_wires, cell, folder))
     if cell.level == RECORDS:
         try:
@@ -290,7 +337,10 @@ def _line(found: Callable[[int], Iterable[Comparison]], seed: int) -> Line:
 def _of_records(cell: Cell, folder: Path, template: Template, seed: int) -> list[Comparison]:
     bench = load_bench(Path(str(cell.request(folder, seed).bench))).bench
     run = replayed(template, bench, seed, form=cell.form)
-    return METHODS[cell.method].found(run.truth, run.results)
+    method = METHODS[cell.method]
+    files = cell.calibrations(folder)
+    known = {place: json.loads(file.read_text("utf-8")) for place, file in files.items()}
+    return method.found(run.truth, run.results, known)
 
 
 def _through_wires(cell: Cell, folder: Path, seed: int) -> list[Comparison]:

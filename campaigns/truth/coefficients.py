@@ -27,8 +27,16 @@ def compare_coefficients(folder: Path) -> list[Comparison]:
 def compared(truth: dict, results: dict) -> list[Comparison]:
     """Compare a truth with results, including all results over temperature."""
     figures = {quantity: value for constant in ("K0", "K1") for quantity, value in _figures(truth, results, constant)}
-    return [Comparison.of(truth["seed"], found, figures[found["quantity"]])
-            for found in results["findings"] if found["quantity"] in figures]  # fmt: skip
+    return [
+        Comparison.of(truth["seed"], found, figures[key], found["at"].get("point", 0))
+        for found in results["findings"]
+        if (key := _key(found)) in figures
+    ]
+
+
+def _key(found: dict) -> str:
+    """Quantity of a finding, of a loop with its two dwells."""
+    return "@".join([found["quantity"], *found["at"]["dwells"]]) if "point" in found["at"] else found["quantity"]
 
 
 def _figures(truth: dict, results: dict, constant: str) -> Iterator[tuple[str, float]]:
@@ -49,19 +57,23 @@ def _figures(truth: dict, results: dict, constant: str) -> Iterator[tuple[str, f
     if degree > 1:
         yield f"{constant}T2", float(model.deriv(2)(reference_c)) / 2 * own
     yield f"{constant}/model_residual", float(np.max(np.abs(values - model(at_c)))) * abs(relative)
-    if loops := list(_loops([each["at"] for each in dwells], values, at_c, model)):
-        yield f"{constant}/hysteresis", max(loops) * abs(relative)
+    if loops := dict(_loops(dwells, values, at_c, model)):
+        yield f"{constant}/hysteresis", max(map(abs, loops.values())) * abs(relative)
+        yield from ((f"{constant}/loop@{where}", loop * relative) for where, loop in loops.items())
     if constant == "K0":
         yield "K0/closure", _apart(values, at_c, model, len(values) - 1, 0)
 
 
-def _loops(at: list[dict[str, Any]], values: np.ndarray, at_c: np.ndarray, model: Polynomial) -> Iterator[float]:
-    """|rising - falling| of every two dwells of one cycle at one set point."""
-    for i, up in enumerate(at):
-        for j, down in enumerate(at):
+def _loops(
+    dwells: list[dict[str, Any]], values: np.ndarray, at_c: np.ndarray, model: Polynomial
+) -> Iterator[tuple[str, float]]:
+    """Rising less falling of every two dwells of one cycle at one set point, by the paths of both."""
+    paths = [each["id"].partition("@")[2] for each in dwells]
+    for i, up in enumerate(each["at"] for each in dwells):
+        for j, down in enumerate(each["at"] for each in dwells):
             same = (up["cycle"], up["temperature_set_c"]) == (down["cycle"], down["temperature_set_c"])
             if same and (up["leg"], down["leg"]) == ("up", "down"):
-                yield abs(_apart(values, at_c, model, i, j))
+                yield f"{paths[i]}@{paths[j]}", _apart(values, at_c, model, i, j)
 
 
 def _apart(values: np.ndarray, at_c: np.ndarray, model: Polynomial, i: int, j: int) -> float:

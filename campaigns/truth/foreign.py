@@ -52,7 +52,8 @@ class Drifts:
         self._kinematics = world.kinematics
         single = [each for unit in world.units.values() for each in (unit._thermometer, unit._board_thermometer)]
         single += [unit._thermometer for unit in world.gyros.values()]
-        single += [each for unit in world.imus.values() for each in (*unit._thermometers, unit._board_thermometer)]
+        imus = world.imus.values()
+        single += [each for unit in imus for each in (*unit._thermometers.values(), unit._board_thermometer)]
         # Without what is drawn from its certificate: here it drifts otherwise.
         self._drawn = [(each, replace(each._errors, drift_c=0.0)) for each in single]
         self._middle_deg = self._kinematics._level.middle_deg

@@ -19,7 +19,7 @@ from campaigns.truth.imu_constants import accelerometer_constants, gyro_constant
 from campaigns.truth.replay import at_record_level
 from simulators.units.accelerometer import Decoding, UnitTruth
 from simulators.units.gyro import GyroTruth
-from simulators.units.imu_drawn import GyroSends, ImuTruth, ZeroDrift
+from simulators.units.imu_drawn import CircuitTruth, GyroSends, ImuTruth, ZeroDrift
 
 OF_ACCELEROMETERS = ("K0", "K1", "K1_si", "K2", "misalignment")
 OF_GYROS = ("D0", "KG", "g_sensitivity", "gyro_misalignment")
@@ -102,6 +102,7 @@ def imu_truth(raw: dict) -> ImuTruth:
         raw["supply_a"],
         tuple(GyroSends(**each) for each in raw["gyros_send"]),
         raw["clock"],
+        circuit=None if raw["circuit"] is None else CircuitTruth(**raw["circuit"]),
     )
 
 
@@ -126,13 +127,13 @@ def table(comparisons: Sequence[Comparison]) -> Iterator[str]:
         )
 
 
-def draw_scale_factors(folder: Path) -> None:
+def draw_scale_factors(folder: Path, unit: str = "imu") -> None:
     """Give the unit beside a bench file scale factors that differ from seed to seed, as those of real units do.
 
     What is left over in a converter when a window begins and ends follows from the rate alone: with one scale factor
     all seeds would have the same errors of counting, which are most of what a quiet sensor scatters by.
     """
-    file = folder / "uut" / "imu.yaml"
+    file = folder / "uut" / f"{unit}.yaml"
     drawn, of_accelerometers = re.subn(
         "at_reference: 1.13 mA/g", "at_reference: {mean: 1.13 mA/g, sd: 1 µA/g}", file.read_text("utf-8")
     )

@@ -84,11 +84,11 @@ def _courses(members, windows, unit, channels, decodings) -> TrueCourses:
         for index, state in enumerate(states):
             accelerometer, gyro = unit.accelerometers[number], unit.gyros[number]
             drifted_g = np.full(2, state["accelerometers_g"][number] + state["moving_g"][number])
-            true_c, force_g = np.full(2, state["sensors_c"][0]), (np.array([1.0, -1.0]), nothing, nothing)
+            true_c, force_g = np.full(2, state["sensors_c"][number]), (np.array([1.0, -1.0]), nothing, nothing)
             current_a = accelerometer.current_a(force_g, true_c, drifted_g)
             output = accelerometer.output(current_a, decodings[f"acc_{axis}"])
             up, down = compensated(channels[f"acc_{axis}"], output, read_c["unit_temperature"][index])
-            drifted_dps, gyro_c = np.full(2, state["gyros_dps"][number]), np.full(2, state["sensors_c"][1])
+            drifted_dps, gyro_c = np.full(2, state["gyros_dps"][number]), np.full(2, state["sensors_c"][3 + number])
             turned = (np.array([RATE_DPS, -RATE_DPS]), nothing, nothing)
             at_rest = gyro.output_pps((nothing, nothing, nothing), force_g, gyro_c, drifted_dps)
             turning = gyro.output_pps(turned, (nothing, nothing, nothing), gyro_c, drifted_dps)

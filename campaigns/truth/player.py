@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.app.can_nodes import thermometers_at
 from bench.app.drawn import current_errors, world_settings
 from bench.app.laboratory import unit_files
 from bench.config.models import BenchFile
@@ -26,7 +27,6 @@ from drivers.dialects.can_counter.description import CounterOptions
 from drivers.dialects.can_telemetry.description import TelemetryOptions
 from simulators.physics.integrator import Integrator
 from simulators.physics.source_errors import Feed
-from simulators.units.imu import SENSORS
 from simulators.units.unit_file import stream
 from simulators.world import World
 
@@ -228,8 +228,8 @@ class Player:
         now = np.array([self._now_s])
         for unit in units:
             if unit.place in self.world.imus:
-                for sensor, name in zip(SENSORS, (unit.temperature, unit.gyro_temperature), strict=True):
-                    yield name, float(self.world.imus[unit.place].thermometer_c(sensor, now)[0])
+                for name, at in thermometers_at(self._bench.places[unit.place]).items():
+                    yield name, float(self.world.imus[unit.place].thermometer_c(at, now)[0])
             else:
                 yield unit.temperature, float(self.world.counted[unit.place].thermometer_c(now)[0])
             if unit.converter:

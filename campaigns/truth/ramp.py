@@ -63,7 +63,7 @@ def compared(truth: dict, results: dict) -> list[Comparison]:
 def true_figures(legs: dict) -> dict[str, float]:
     """The figures of the definitions in equations 6.3, of legs without noise."""
     level, upright = ({key: leg for key, leg in legs.items() if f"position={at}/" in key} for at in ("0", "90"))
-    level = {key: _one_way(leg) for key, leg in level.items()}
+    level = {key: one_way(leg) for key, leg in level.items()}
     temperature_c = np.concatenate([leg["temperature_c"] for leg in level.values()])
     output_g = np.concatenate([leg["output_g"] for leg in level.values()])
     slope, offset = np.polyfit(temperature_c, output_g, 1)
@@ -85,7 +85,7 @@ def true_figures(legs: dict) -> dict[str, float]:
     }
 
 
-def _one_way(leg: dict) -> dict:
+def one_way(leg: dict) -> dict:
     """A leg after it has come back to the temperature of its third sample and before it has that of its third last."""
     temperature_c = np.array(leg["temperature_c"])
     along_c = temperature_c * np.sign(temperature_c[-1] - temperature_c[0])

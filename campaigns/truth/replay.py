@@ -74,7 +74,7 @@ def _noting(stimuli: list[Stimulus], origins_s: list[float]) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Replayed:
-    """A run of another seed: its truth, and its results."""
+    """A run of another seed: its truth, and its results with the compensations of its calibration files."""
 
     truth: dict[str, Any]
     results: dict[str, Any]
@@ -92,7 +92,9 @@ def replayed(
     data = player.play()
     truth = truth_of(_Stored(template.sequence, data), Laboratory(player.world, {}, {}))
     found = evaluate(template.sequence, data.__getitem__, "completed", JournalRecords())
-    return Replayed(*(json.loads(json.dumps(each)) for each in (truth, found.to_json())))  # as files have them
+    compensations = [each.to_json() for unit in found.units for each in unit.compensations]
+    results = {**found.to_json(), "compensations": compensations}
+    return Replayed(*(json.loads(json.dumps(each)) for each in (truth, results)))  # as files have them
 
 
 def at_record_level(

@@ -81,7 +81,12 @@ def compared(truth: dict, results: dict, output: str = "pulses") -> list[Compari
     """The same of a truth and of results at hand."""
     true = truths(truth, results, output)
     return [
-        Comparison.of(truth["seed"], found, true[found["quantity"]](found["at"]), found["at"].get("point", 0))
+        Comparison.of(
+            truth["seed"],
+            found,
+            true[found["quantity"]](found["at"] | {"steps": found["steps"]}),
+            found["at"].get("point", 0),
+        )
         for found in results["findings"]
         if found["quantity"] in true
     ]

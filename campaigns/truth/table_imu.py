@@ -1,6 +1,7 @@
 """An inertial unit on a rate table against the truth: every sensor in every mounting (equations 5.10, 8.8).
 
     python -m campaigns.truth.table_imu --seeds 20 --kind misaligned
+    python -m campaigns.truth.table_imu --seeds 20 --bench table_imu_telemetry
 
 runs `table_full` through all wires. The truth takes the mountings from the words of the sequence (which axis is up, and
 which along the fixture), the arms from the file of the unit and the drawn position of its middle, and the definitions
@@ -34,7 +35,10 @@ SHORT = (
     "frequencies=[10.2 Hz, 30.2 Hz, 50.2 Hz, 62.2 Hz, 70.2 Hz, 78.2 Hz, 90.2 Hz]", "swing_record=5 s",
     "lever_record=20 s",
 )  # fmt: skip
+# Pulses for 1 °/s and 1 g, and codes.
 STATED = {"gyro_x": 4000.0, "gyro_y": 3996.0, "gyro_z": 4005.0, "acc_x": 11300.0, "acc_y": 11300.0, "acc_z": 11300.0}
+SENT = {"gyro_x": 1000.0, "gyro_y": 999.0, "gyro_z": 1001.25, "acc_x": 33900.0, "acc_y": 33900.0, "acc_z": 33900.0}
+BENCHES = {"table_imu": "table_imu", "table_imu_telemetry": "table_imu_digital"}  # with the file of the unit
 FULL_SCALE_DPS, FULL_SCALE_G, LEVER_HZ = 400.0, 2.0, 0.5
 # Axes of the unit in the fixture, as the prompts of the sequence name them.
 MOUNTED = {
@@ -81,6 +85,7 @@ class Placed:
             for key, value in unit["gyros" if sensor.startswith("gyro") else "accelerometers"][self.axis].items()
         }
         self.warm_c, self.rate = self.bench["warm_c"]["a"], self.bench["table"]["rate"]
+        self.sends = unit["gyros_send"][self.axis] if unit["gyros_send"] else None
 
     def force_g(self, rate_dps: float) -> tuple[np.ndarray, ...]:
         """Along the input axis and the two after it, while the table turns."""
@@ -95,7 +100,17 @@ class Placed:
 
     def stated(self, scale: float) -> float:
         """Stated scale factor, of the sign that the sensor has."""
-        return float(np.copysign(STATED[self.sensor], scale))
+        return float(np.copysign((SENT if self.sends else STATED)[self.sensor], scale))
+
+    def gyro_output(self, pps: np.ndarray) -> float:
+        """Output of a gyro: its pulses, or what it sends in place of them."""
+        rate = float(pps[0])
+        return self.sends["codes_per_pps"] * rate + self.sends["zero_code"] if self.sends else rate
+
+    def accelerometer_output(self, current_a: np.ndarray) -> float:
+        """Output of an accelerometer for its current: pulses, or codes."""
+        unit = UnitTruth(**self.drawn)
+        return float((unit.codes(current_a) if self.sends else unit.rate_pps(current_a))[0])
 
 
 def _gyro_range(place: Placed) -> dict[str, Truth]:
@@ -106,7 +121,7 @@ def _gyro_range(place: Placed) -> dict[str, Truth]:
     def output_dps(rate_dps: float, at_c: float = place.warm_c) -> float:
         rates = tuple(np.array([each]) for each in place.axes @ (UP * (rate_dps + earth_dps)))
         pps = gyro.output_pps(rates, place.force_g(rate_dps), at_c, np.zeros(1))  # type: ignore[arg-type]
-        return float(gyro.clipped_pps(pps)[0]) / stated
+        return place.gyro_output(gyro.clipped_pps(pps)) / stated
 
     def error_dps(at: dict) -> float:
         rate_dps = at["rate_dps"] * (1 + place.rate)
@@ -132,7 +147,9 @@ def _gyro_range(place: Placed) -> dict[str, Truth]:
 
 def _gyro_response(place: Placed) -> dict[str, Truth]:
     gyro = GyroTruth(**place.drawn)
-    scale = gyro.scale_ppd * (1 + gyro.scale_per_c * (place.warm_c - gyro.reference_c)) / place.stated(gyro.scale_ppd)
+    warm = 1 + gyro.scale_per_c * (place.warm_c - gyro.reference_c)
+    per_dps = place.gyro_output(np.array([gyro.scale_ppd])) - place.gyro_output(np.zeros(1))
+    scale = per_dps * warm / place.stated(gyro.scale_ppd)
     assert gyro.dynamics is not None
     dynamics = gyro.dynamics
     return _response(lambda hz: complex(dynamics.response(np.array([hz]))[0]) * scale)
@@ -145,7 +162,7 @@ def _accelerometer_range(place: Placed, results: dict) -> dict[str, Truth]:
     def output_g(rate_dps: float, added_g: float = 0.0) -> float:
         force_g = place.force_g(rate_dps)
         current_a = unit.current_a(force_g, np.array([place.warm_c]), np.array([added_g]))  # type: ignore[arg-type]
-        return float(unit.rate_pps(current_a)[0]) / stated
+        return place.accelerometer_output(current_a) / stated
 
     rise_c = place.warm_c - place.bench["room_c"]
     moved_c = sum(min(threshold_c, rise_c) for threshold_c in unit.thresholds_c)
@@ -191,14 +208,16 @@ def _accelerometer_response(place: Placed) -> dict[str, Truth]:
     }
 
 
-def prepared(folder: Path, kind: str = "as shipped", *, perfect: bool = False) -> tuple[Path, Path]:
+def prepared(
+    folder: Path, kind: str = "as shipped", *, perfect: bool = False, name: str = "table_imu"
+) -> tuple[Path, Path]:
     """A bench with a unit of a kind in a folder of its own, and the sequence that states its scale factors."""
-    bench = perfect_bench(folder, "table_imu") if perfect else full_bench(folder, "table_imu")
-    alter_file(folder / "uut" / "table_imu.yaml", kind)
+    bench = perfect_bench(folder, name) if perfect else full_bench(folder, name)
+    alter_file(folder / "uut" / f"{BENCHES[name]}.yaml", kind)
     sequence = (ROOT / "sequences" / "table_full.yaml").read_text("utf-8")
     if kind == "negative scale":
-        bench.write_text(re.sub(r"\bK1: (?=\d)", "K1: -", bench.read_text("utf-8")), "utf-8")
-        sequence = re.sub(r"\b(?=\d+ pulse/)", "-", sequence)
+        bench.write_text(re.sub(r"\b(K1|output): (?=\d)", r"\1: -", bench.read_text("utf-8")), "utf-8")
+        sequence = re.sub(r"\b(?<!\.)(?=\d[\d.]* (pulse|code)/)", "-", sequence)
     path = folder / "table_full.yaml"
     path.write_text(sequence, "utf-8")
     return bench, path
@@ -210,6 +229,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=1, help="the first seed")
     parser.add_argument("--kind", choices=KINDS, action="append")
+    parser.add_argument("--bench", choices=list(BENCHES), default="table_imu")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--perfect", action="store_true")
     options = parser.parse_args()
@@ -217,7 +237,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as temporary:
         for kind in options.kind or KINDS:
             folder = Path(temporary) / kind.replace(" ", "_")
-            bench, sequence = prepared(folder / "config", kind, perfect=options.perfect)
+            bench, sequence = prepared(folder / "config", kind, perfect=options.perfect, name=options.bench)
             requests = [
                 RunRequest(str(sequence), bench=str(bench), seed=seed, settings=SHORT, runs=folder / f"runs{seed}")
                 for seed in range(options.first, options.first + options.seeds)

@@ -67,7 +67,8 @@ def gyro_range(gyro: GyroTruth, truth: dict, output: Output) -> dict[str, Truth]
 
     def error_dps(at: dict) -> float:  # at the temperature that the unit had
         rate_dps = at["rate_dps"] * (1 + bench["table"]["rate"])  # a table turns a little faster than it is told to
-        return output_dps(rate_dps) - output_dps(0.0) - rate_dps
+        then_c = truth["gyros_c"]["a"][at["steps"][0]]
+        return output_dps(rate_dps, then_c) - output_dps(0.0, then_c) - rate_dps
 
     def relative(part: float, sense: int, at_c: float = warm_c) -> float:
         rate_dps = sense * part * FULL_SCALE_DPS

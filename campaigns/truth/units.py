@@ -32,7 +32,7 @@ def cells(methods: Sequence[str], kinds: Sequence[str], forms: Sequence[str], le
         method = METHODS[name]
         for kind in [each for each in method.kinds if not kinds or each in kinds]:
             for form in [each for each in forms if each == "normal" or kind == "as shipped" or kinds]:
-                if RECORDS in levels and method.compare is not None:
+                if RECORDS in levels and method.at_records:
                     yield Cell(name, kind, form, RECORDS)
                 if WIRES in levels and form == "normal":
                     yield Cell(name, kind, form, WIRES)

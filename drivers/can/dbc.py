@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can.dbc_outline import UNITS
+from drivers.can.dbc_outline import READINGS, UNITS
 from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.can.options import text_of
 
@@ -117,13 +117,14 @@ class Dbc:
         found = self.message(message)
         return Field(found, found.signal(signal))
 
-    def fields_in(self, unit: str) -> dict[str, Field]:
-        """Signals with this unit, by `Message.Signal`."""
+    @property
+    def readings(self) -> dict[str, Field]:
+        """Signals with the unit of a reading, by `Message.Signal`."""
         return {
             f"{message.name}.{signal.name}": Field(message, signal)
             for message in self.messages.values()
             for signal in message.signals.values()
-            if signal.unit == unit
+            if signal.unit in READINGS
         }
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 # Unit spellings of a DBC that differ from ours. It is ASCII, or has a degree sign in an encoding of its own, which is
 # replaced when the file is read.
+READINGS = ("°C", "Hz")
+"""Units of the signals that are readings of a node."""
 UNITS = {"degC": "°C", "DegC": "°C", "deg C": "°C", "\N{REPLACEMENT CHARACTER}C": "°C"}
 _MESSAGE = re.compile(r"^\s*BO_\s+\d+\s+(\w+)\s*:", re.ASCII)
 _FRAME = re.compile(r"^\s*BO_\s+(\d{1,10})\s+(\w+)\s*:\s*(\d{1,2})\b", re.ASCII)

@@ -10,7 +10,7 @@ from typing import Annotated
 from pydantic import Field
 from pydantic_core import InitErrorDetails
 
-from drivers.can.dbc_outline import frames_bits, lengths_bits, outline
+from drivers.can.dbc_outline import READINGS, frames_bits, lengths_bits, outline
 from drivers.can.sent_frames import BusLoad
 from drivers.schema.bounded import read_bounded
 from drivers.schema.fields import FileBeside, InUnit, Ratio, Seconds, StrictModel, TextLike
@@ -79,9 +79,9 @@ def signals_of(dbc: Path) -> Mapping[str, str]:
     return outline(text_of(dbc))
 
 
-def temperatures(options: DbcOptions) -> Mapping[str, str]:
-    """Every signal of the DBC with a unit of temperature is a reading."""
-    return {name: unit for name, unit in signals_of(options.dbc).items() if unit == "°C"}
+def readings(options: DbcOptions) -> Mapping[str, str]:
+    """Every signal of the DBC in °C or in Hz, such as the output of a temperature circuit, is a reading."""
+    return {name: unit for name, unit in signals_of(options.dbc).items() if unit in READINGS}
 
 
 def unknown_signals(dbc: Path, named: Mapping[tuple[str | int, ...], str | None]) -> Iterator[InitErrorDetails]:

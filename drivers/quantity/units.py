@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from typing import NamedTuple
 
 BASES = ("s", "m", "kg", "A", "°C", "°", "g", "pulse", "code")
 Dimension = tuple[float, ...]
@@ -161,46 +162,60 @@ def normalise(text: str) -> str:
 @lru_cache(maxsize=512)
 def parse_unit(text: str) -> Unit:
     """Parse a unit, "" for a ratio; a `/` divides by the one factor or parenthesis after it."""
-    clean = normalise(text)
-    if not clean:
-        return _ONE
-    unit, rest = _product(clean, text)
-    if rest:
-        joined = _APART.sub("°C", clean)
-        raise QuantityError(f"{quoted(text)} is not a unit{f'; write {joined}' if joined != clean else ''}")
+    unit = _ONE
+    for factor in factors(text):
+        unit = unit * factor.unit**factor.power
     return unit
 
 
-def _product(rest: str, text: str) -> tuple[Unit, str]:
+class Factor(NamedTuple):
+    """Factor of a unit: a symbol as written, such as mA, the unit that it stands for, and its exponent."""
+
+    symbol: str
+    unit: Unit
+    power: float
+
+
+def factors(text: str) -> list[Factor]:
+    """Parse a unit to its factors in the order of the text, "" for a ratio to none."""
+    clean = normalise(text)
+    if not clean:
+        return []
+    found, rest = _product(clean, text)
+    if rest:
+        joined = _APART.sub("°C", clean)
+        raise QuantityError(f"{quoted(text)} is not a unit{f'; write {joined}' if joined != clean else ''}")
+    return found
+
+
+def _product(rest: str, text: str) -> tuple[list[Factor], str]:
     """Parse factors up to the end or a closing parenthesis; return the rest."""
-    unit, operator = _ONE, "·"
+    found, operator = list[Factor](), "·"
     while True:
-        factor, rest = _factor(rest, text)
-        unit = unit * (factor**-1 if operator == "/" else factor)
+        more, rest = _factor(rest, text)
+        found += [each._replace(power=-each.power) for each in more] if operator == "/" else more
         match = _TOKEN.match(rest)
         if match is None or match[3] not in ("·", "*", "/"):
-            return unit, rest
+            return found, rest
         operator, rest = match[3], rest[match.end() :]
 
 
-def _factor(rest: str, text: str) -> tuple[Unit, str]:
+def _factor(rest: str, text: str) -> tuple[list[Factor], str]:
     match = _TOKEN.match(rest)
     if match is None or not (match[1] or match[2] or match[3] == "("):
         raise QuantityError(f"{quoted(text)} is not a unit")
     rest = rest[match.end() :]
     if match[3] == "(":
-        unit, rest = _product(rest, text)
+        found, rest = _product(rest, text)
         if not rest.startswith(")"):
             raise QuantityError(f"{quoted(text)} lacks a closing parenthesis")
-        return unit, rest[1:]
+        return found, rest[1:]
     unit = _ONE if match[1] else _symbol(match[2], text)
     exponent = _EXPONENT.match(rest)
-    if exponent is None:
-        return unit, rest
-    power = float(exponent[0].strip("^()"))
+    power = float(exponent[0].strip("^()")) if exponent is not None else 1.0
     if abs(power) > _EXPONENT_LIMIT:
         raise QuantityError(f"{quoted(text)} has an exponent beyond {_EXPONENT_LIMIT}")
-    return unit**power, rest[exponent.end() :]
+    return [Factor(match[1] or match[2], unit, power)], rest if exponent is None else rest[exponent.end() :]
 
 
 _SPELLED_OUT = {

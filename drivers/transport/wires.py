@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Awaitable, Callable
 from typing import Protocol, TypeVar
 
@@ -12,6 +13,7 @@ from drivers.transport.address import Address
 from drivers.transport.frame_link import FrameLink
 
 P = TypeVar("P", bound=asyncio.Protocol)
+SIMULATED_ONLY = "INERTIAL_TEST_BENCH_SIMULATED_ONLY"  # environment variable of a process without rights to a bench
 
 
 class Wires(Protocol):
@@ -29,6 +31,7 @@ class RealWires:
 
     async def stream(self, device: str, address: Address, factory: Callable[[], P]) -> P:
         """Connect `factory()` to the other end of `address`."""
+        _expect_rights(device, address)
         if address.scheme == "serial":
             from drivers.transport.serial import open_serial
 
@@ -46,6 +49,7 @@ class RealWires:
 
     async def frames(self, device: str, address: Address) -> FrameLink:
         """Open the CAN adapter at `address`, a bus of its server, or its log."""
+        _expect_rights(device, address)
         if address.scheme == "socketcand":
             from drivers.transport.socketcand import Socketcand, open_socketcand
 
@@ -56,3 +60,12 @@ class RealWires:
         from drivers.transport.can import open_can
 
         return await open_can(device, address)
+
+
+def _expect_rights(device: str, address: Address) -> None:
+    """Raise CannotConnect for a real connection if this process may use simulated ones only."""
+    if os.environ.get(SIMULATED_ONLY) and not address.simulated:
+        raise CannotConnect(
+            device, f"{address} is a real connection, and this process may use simulated ones only",
+            remedy=f"A worker of a campaign has no rights to a bench; elsewhere, unset {SIMULATED_ONLY}.",
+        )  # fmt: skip

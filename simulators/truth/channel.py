@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from simulators.truth.constants import Orientation, gravity_in_unit
 from simulators.units.accelerometer import Through, UnitTruth
-from simulators.units.imu import CHANNELS
+from simulators.units.imu_temperatures import CHANNELS
 from simulators.units.unit_temperatures import Board
 from simulators.world import World
 

@@ -106,6 +106,17 @@ def truth_record(
     }
 
 
+def turning_record(world: World, turns: Sequence[LegAsMeasured]) -> dict[str, Any]:
+    """Temperature of each gyro in the middle of acquisitions on a rate table, by place and step."""
+    found: dict[str, dict[str, float]] = {}
+    for turn in turns:
+        if turn.place in world.gyros:
+            history = np.array(sorted(world.gyros[turn.place].history))
+            true_s = world.true_time((turn.begin_s + turn.end_s) / 2)
+            found.setdefault(turn.place, {})[turn.key] = float(np.interp(true_s, history[:, 0], history[:, 1]))
+    return {"gyros_c": found} if found else {}
+
+
 def _decodings(world: World) -> dict[str, Any]:
     """Decodings of each unit that sends codes; empty if none does."""
     through = {name: unit.settings.through for name, unit in sorted(world.counted.items())}

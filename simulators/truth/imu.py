@@ -21,14 +21,18 @@ class WindowAsMeasured:
 
 
 def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, Any]:
-    """Each inertial unit as drawn, and its state in the middle of each window, as in an ImuState.
+    """Each inertial unit as drawn with the errors of its thermometers, and its state in the middle of each window.
 
-    For units that send codes also the decodings, by channel.
+    The state is that of an ImuState. For units that send codes also the decodings, by channel.
     """
     decodings = {name: imu.settings.decodings for name, imu in sorted(world.imus.items()) if imu.settings.decodings}
     names = {name: {channel: asdict(each) for channel, each in of.items()} for name, of in decodings.items()}
     return {
         "imus": {name: asdict(imu.truth) for name, imu in sorted(world.imus.items())},
+        "thermometers": {
+            name: {at: asdict(errors) for at, errors in imu.settings.thermometers.items()}
+            for name, imu in sorted(world.imus.items())
+        },
         "latitude_deg": world.settings.latitude_deg,
         "windows": _drifted(world, windows),
         **({"decodings": names} if names else {}),

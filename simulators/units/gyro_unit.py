@@ -61,6 +61,7 @@ class SimulatedGyro:
             stream(settings.seed, "noise", place, "thermometer"), settings.run_s,
         )  # fmt: skip
         self.powered_at_s: float | None = None
+        self.history: list[tuple[float, float]] = []  # true time, temperature of the sensor
 
     @property
     def sent(self) -> Sent:
@@ -99,7 +100,9 @@ class SimulatedGyro:
 
     def _output_pps(self, at_s: Array, noise_dps: Array) -> Array:
         rate_dps, force_g = self._sensed(at_s)
-        return self.truth.output_pps(rate_dps, force_g, self._world.thermal.sensor_c(self._index), noise_dps)
+        sensor_c = self._world.thermal.sensor_c(self._index)
+        self.history.append((float(np.max(at_s)), sensor_c))
+        return self.truth.output_pps(rate_dps, force_g, sensor_c, noise_dps)
 
     def _mean_pps(self, edges_s: Array) -> Array:
         """Mean pulse rate in the intervals between consecutive times."""

@@ -1,4 +1,4 @@
-"""An inertial unit in its place: counts or codes of its six channels, and readings of its two thermometers.
+"""An inertial unit in its place: counts or codes of its six channels, and readings of its thermometers.
 
 Its three accelerometers are computed together, and so are its gyros: their constants are columns, (3, 1), and stimuli
 have a row for each axis. The accelerometers are assumed at the intersection of the table's axes, unless the unit is on
@@ -25,6 +25,7 @@ from simulators.units.gyro import noise_of_gyro
 from simulators.units.imu_drawn import draw_imu, stacked
 from simulators.units.imu_file import NAMES, ImuFile
 from simulators.units.imu_on_table import SensorsOnTable, is_on_table
+from simulators.units.imu_temperatures import CHANNELS, CIRCUIT, ImuTemperatures, TemperatureCircuit
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import stream
@@ -34,14 +35,11 @@ Array = NDArray[np.float64]
 Components = tuple[Array, Array, Array]
 """Components of a vector for each axis: along itself, and along the two after it, (3, n) each."""
 
-SENSORS = ("accelerometers", "gyros")
-CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in NAMES)
-
 
 class ImuState(NamedTuple):
     """State of a unit at a true time: contributions of hysteresis, drift and warm-up to the biases of x, y and z.
 
-    Also those of the rate of temperature to the accelerometers, and the temperatures of accelerometers and gyros.
+    Also those of the rate of temperature to the accelerometers, and the temperatures of its sensors, by CHANNELS.
     """
 
     true_s: float
@@ -69,17 +67,24 @@ class SimulatedImu:
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
         start_c, unit = settings.chamber.start_c, self.settings.unit.accelerometer(NAMES[0])
         self.temperatures = UnitTemperatures(world.thermal, sensors[0], unit, start_c, settings.thermometer_lag_s)
+        self._warm = ImuTemperatures(
+            self.temperatures, world.thermal, sensors[1], self.settings.unit.thermal, settings.ambient_c
+        )
         self.board = Board(self.temperatures, start_c)
         named_errors = {**self.settings.thermometers, "converter": self.settings.converter_thermometer}
         board_c = start_c if self.temperatures.board_in_chamber else self.temperatures.board_c
-        *self._thermometers, self._board_thermometer = (
-            Thermometer(
+        self._thermometers = {
+            sensor: Thermometer(
                 board_c if sensor == "converter" else start_c, errors, settings.thermometer_noise_c,
                 stream(settings.seed, "noise", place, sensor, "thermometer"), settings.run_s,
             )
             for sensor, errors in named_errors.items()
-        )  # fmt: skip
-        self._last_c = np.full(2, start_c)
+        }  # fmt: skip
+        self._board_thermometer = self._thermometers.pop("converter")
+        noise = stream(settings.seed, "noise", place, CIRCUIT)
+        circuit = self.truth.circuit
+        self._circuit = None if circuit is None else TemperatureCircuit(circuit, start_c, noise)
+        self._last_c = np.full(len(CHANNELS), start_c)
         self.input: Input = "accelerometer"
         self.fed_channel = ""  # of CHANNELS, into whose converter the cable of the source is plugged
         self._cached_for: tuple[float, float, int] = (-1.0, -1.0, 0)
@@ -145,13 +150,17 @@ class SimulatedImu:
         return self._cached
 
     def thermometer_c(self, sensor: str, at_s: Array) -> Array:
-        """Readings of one of its thermometers, of SENSORS, at times since the last call, with its errors and noise."""
+        """Readings of one of its thermometers at times since the last call, with its errors and noise.
+
+        `sensor` is a triad of SENSORS, one of CHANNELS, or CIRCUIT, whose readings are frequencies in Hz.
+        """
+        now_s, at_unit_c = self._world.thermal.now_s, self._warm.thermometer_c(sensor)
+        if sensor == CIRCUIT and self._circuit is not None:
+            return self._circuit.readings_hz(at_s, now_s, at_unit_c)
         if self.faults.active("open_thermometer"):
             return np.full(len(at_s), OPEN_C)
-        number, thermal = SENSORS.index(sensor), self._world.thermal
-        at_unit_c = thermal.thermometer_c(self._sensors[number]) if number else self.temperatures.thermometer_c
         now_c = followed_c(self.faults, at_unit_c, self._world.settings.ambient_c)
-        return self._thermometers[number].readings_c(at_s, thermal.now_s, now_c)
+        return self._thermometers[sensor].readings_c(at_s, now_s, now_c)
 
     def converter_thermometer_c(self, at_s: Array) -> Array:
         """As `thermometer_c`, of the thermometer on the board of its converters."""
@@ -178,14 +187,13 @@ class SimulatedImu:
         Also the temperature of the converters; None outside the chamber.
         """
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = np.array([self.temperatures.sensor_c, self._world.thermal.sensor_c(self._sensors[1])])
+        now_c = self._warm.sensors_c
         passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
-        accelerometer_c, gyro_c = (
-            before + passed * (now - before) for before, now in zip(self._last_c, now_c, strict=True)
-        )
+        accelerometer_c, gyro_c = self._between_c(now_c, passed)
         self._last_c = now_c
-        hysteresis_g = np.array([play.bias_g(float(now_c[0])) for play in self._hysteresis])
-        moving_g = self._accelerometers.kd * self.temperatures.sensor_rate_c_per_s
+        of_each = zip(self._hysteresis, now_c[: len(NAMES)].tolist(), strict=True)
+        hysteresis_g = np.array([play.bias_g(sensor_c) for play, sensor_c in of_each])
+        moving_g = self._accelerometers.kd * self.temperatures.sensor_rate_c_per_s * self._warm.follows
         begun, ended = self._slow(float(edges_s[0])), self._slow(float(edges_s[-1]))
         self.history.append(_state(float(edges_s[-1]), hysteresis_g + ended[0], ended[1], moving_g, now_c))
         board_c = self.board.followed_c(edges_s, middle, 0.0)  # drifts of the three biases are in `history`
@@ -207,6 +215,12 @@ class SimulatedImu:
         if self.input == "source":
             current_a = self._from_source(middle)
         return current_a, self._gyros.clipped_pps(gyro_pps), board_c
+
+    def _between_c(self, now_c: Array, passed: Array) -> tuple[Array, Array]:
+        """Temperatures of accelerometers and gyros at shares (n,) of a time that ends now: (3, n), or (n,) if alike."""
+        each_c = (self._last_c + passed[:, np.newaxis] * (now_c - self._last_c)).T
+        triads_c = each_c[: len(NAMES)], each_c[len(NAMES) :]
+        return triads_c if self._warm.has_gradients else (triads_c[0][0], triads_c[1][0])
 
     def _from_source(self, at_s: Array) -> Array:
         """Currents of the accelerometer channels (3, n) with the accelerometers disconnected: that of the source."""

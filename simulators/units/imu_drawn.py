@@ -46,6 +46,22 @@ class GyroSends:
 
 
 @dataclass(frozen=True, slots=True)
+class CircuitTruth:
+    """Temperature circuit of a unit: output in Hz at `at_c`, its polynomial, and noise of a reading."""
+
+    at_c: Annotated[float, At("at")]
+    output_at_hz: Annotated[float, At("output")]
+    linear_hz: Annotated[float, At("linear")]
+    quadratic_hz: Annotated[float, At("quadratic")]
+    noise_hz: Annotated[float, At("noise")]
+
+    def output_hz(self, temperature_c: Array) -> Array:
+        """Output at temperatures, without noise."""
+        away_c = temperature_c - self.at_c
+        return np.asarray(self.output_at_hz + away_c * (self.linear_hz + away_c * self.quadratic_hz))
+
+
+@dataclass(frozen=True, slots=True)
 class ImuTruth:
     """One unit as drawn for one run; accelerometers, gyros and bias drifts, x, y, z.
 
@@ -60,6 +76,7 @@ class ImuTruth:
     gyros_send: tuple[GyroSends, ...] = ()
     clock: Annotated[float, At("telemetry.clock")] = 0.0
     positions_m: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * len(NAMES)
+    circuit: CircuitTruth | None = None
 
 
 Truth = TypeVar("Truth", UnitTruth, GyroTruth, ZeroDrift, GyroSends)
@@ -69,6 +86,7 @@ def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
     """Draw the unit of one run; each channel has streams of its own."""
     gyros = {f"gyro_{axis}": unit.gyro(axis) for axis in NAMES}
     codes = unit.telemetry.gyros if unit.telemetry else None
+    circuit = unit.thermal.circuit
     own = [(axis, getattr(unit.accelerometers, axis).position) for axis in NAMES]
     return drawn(
         ImuTruth, unit, seed, place,
@@ -77,6 +95,7 @@ def draw_imu(unit: ImuFile, seed: int, place: str) -> ImuTruth:
         gyro_drifts=tuple(drawn(ZeroDrift, gyro, seed, place, name, "gyro") for name, gyro in gyros.items()),
         positions_m=tuple(drawn(_position, each, seed, place, f"acc_{axis}", "position") for axis, each in own),
         gyros_send=tuple(drawn(GyroSends, codes, seed, place, name, "telemetry") for name in gyros if codes),
+        circuit=None if circuit is None else drawn(CircuitTruth, circuit, seed, place, "circuit"),
     )  # fmt: skip
 
 

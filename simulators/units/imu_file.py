@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from drivers.schema.fields import Celsius, PositiveSeconds, StrictModel
+from drivers.schema.fields import Celsius, InUnit, PositiveSeconds, StrictModel
 from simulators.units.gyro import GyroModel
 from simulators.units.unit_file import (
     AccelerometerModel,
@@ -126,6 +126,35 @@ class ImuTelemetry(StrictModel):
     clock: Ratio = Draw(0)
 
 
+Share = Annotated[float, InUnit("", at_least=-0.5, at_most=0.5)]
+
+
+class ToRoom(StrictModel):
+    """Shares of the difference between the room and the unit in the temperatures of its sensors."""
+
+    Ax: Share = 0.0
+    Ay: Share = 0.0
+    Az: Share = 0.0
+    Wx: Share = 0.0
+    Wy: Share = 0.0
+    Wz: Share = 0.0
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Those of the accelerometers x, y, z, then of the gyros."""
+        return self.Ax, self.Ay, self.Az, self.Wx, self.Wy, self.Wz
+
+
+class CircuitModel(StrictModel):
+    """Temperature circuit of the unit: output as a polynomial about a temperature, white noise of a reading."""
+
+    at: Celsius = 25.0
+    output: Annotated[Draw, DrawIn("Hz")]
+    linear: Annotated[Draw, DrawIn("Hz/°C")]
+    quadratic: Annotated[Draw, DrawIn("Hz/°C²")] = Draw(0)
+    noise: Annotated[Draw, DrawIn("Hz")] = Draw(0)
+
+
 class ImuThermal(StrictModel):
     """Thermal response of the unit to the chamber: one case, and the sensors in it.
 
@@ -137,6 +166,8 @@ class ImuThermal(StrictModel):
     gyro_time_constant: PositiveSeconds = 240.0
     self_heating: Celsius = 0.0
     thermostat: ThermostatModel | None = None
+    to_room: ToRoom = ToRoom()
+    circuit: CircuitModel | None = None
 
 
 class ImuFile(StrictModel):

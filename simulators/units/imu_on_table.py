@@ -44,7 +44,8 @@ class SensorsOnTable:
     def sensed(self, edges_s: Array, warm_c: tuple[Array, Array], drifting: tuple[Array, Array]) -> tuple[Array, Array]:
         """Mean currents of the accelerometers and mean pulse rates of the gyros between edges (n + 1,), (3, n) each.
 
-        `warm_c` are the temperatures of accelerometers and gyros (n,), `drifting` their biases in g and °/s (3, n).
+        `warm_c` are the temperatures of accelerometers and gyros, (3, n) or (n,) if alike, `drifting` their biases in g
+        and °/s (3, n).
         """
         found = np.empty((len(self._sensors), len(edges_s) - 1))
         for delay_s in dict.fromkeys(each.delay_s for each in self._sensors):
@@ -64,17 +65,19 @@ class SensorsOnTable:
         world, into_unit = self._world, to_unit(self._world.mount, self._settings.mount_angle_deg)
         rate_dps = into_unit @ world.kinematics.rate_dps(at_s)
         forces_g = [into_unit @ each for each in world.kinematics.forces_g(at_s, [self._arm_m(row) for row in rows])]
-        accelerometer_c, gyro_c = (np.repeat(each, points) for each in warm_c)
+        accelerometer_c, gyro_c = (
+            np.broadcast_to(np.repeat(each, points, axis=-1), (len(NAMES), each.shape[-1] * points)) for each in warm_c
+        )
         drifting_g, drifting_dps = (np.repeat(each, points, axis=1) for each in drifting)
         found = []
         for row, force_g in zip(rows, forces_g, strict=True):
             axis = row % len(NAMES)
             if row < len(NAMES):
                 channel = self._truth.accelerometers[axis]
-                found.append(channel.current_a(_along(force_g, axis), accelerometer_c, drifting_g[axis]))
+                found.append(channel.current_a(_along(force_g, axis), accelerometer_c[axis], drifting_g[axis]))
             else:
                 rates, forces = _along(rate_dps, axis), _along(force_g, axis)
-                found.append(self._truth.gyros[axis].output_pps(rates, forces, gyro_c, drifting_dps[axis]))
+                found.append(self._truth.gyros[axis].output_pps(rates, forces, gyro_c[axis], drifting_dps[axis]))
         return found
 
     def _arm_m(self, row: int) -> Vector:

@@ -50,8 +50,8 @@ class ImuPlace:
     """An inertial unit in its place.
 
     `channels` are those of the counter or of the telemetry, by CHANNELS, and `decodings` those of sent codes;
-    `thermometers` are their errors, by SENSORS. `source` is the device that may feed one of its converters. `arm_m` is
-    the true position of its reference point, as in PlaceSettings.
+    `thermometers` are their errors, by SENSORS, and by CHANNELS those at single sensors. `source` is the device that
+    may feed one of its converters. `arm_m` is the true position of its reference point, as in PlaceSettings.
     """
 
     unit: ImuFile

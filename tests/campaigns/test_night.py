@@ -62,10 +62,16 @@ def test_other_code_or_nothing_left_begins_a_new_one(tmp_path, code, names, agai
 
 def test_every_command_is_a_program_of_the_campaigns():
     every = list(commands(list(PARTS), minutes=5))
-    assert len({name for name, _ in every}) == len(every) > 10
+    assert len({name for name, _ in every}) == len(every) > len(PARTS)
     for _, (_, _, module, *_) in every:
         assert importlib.util.find_spec(module) is not None
     assert every[-1][1][-2:] == ["--minutes", "5"]
+
+
+def test_campaigns_with_workers_go_to_the_scheduler_that_is_given():
+    given = dict(commands(list(PARTS), 5, "tls://cluster:8786"))
+    assert given["truth"][-2:] == ["--scheduler", "tls://cluster:8786"]
+    assert "--scheduler" not in given["trials"]
 
 
 def test_code_of_now_names_a_commit():

@@ -24,6 +24,7 @@ FOLLOWED = {
     "add_a_method",
     "add_a_step",
     "continuous_integration",
+    "certificates",
 }  # whose every command is run by a test of their own
 _OF_A_BENCH = ("alert:", "devices:", "places:", "power:", "readings:")
 _KEYS = re.compile(r"^(\w+):", re.MULTILINE)
@@ -122,8 +123,13 @@ def examples() -> list[Example]:
 
 
 def bench_pieces() -> list[Example]:
-    """Every piece of a bench file in the pages."""
-    return [Example(page, line, yaml) for page in PAGES for line, yaml in blocks(page) if yaml.startswith(_OF_A_BENCH)]
+    """Every piece of a bench file in the pages, but those with a certificate file, which have tests of their own."""
+    return [
+        Example(page, line, yaml)
+        for page in PAGES
+        for line, yaml in blocks(page)
+        if yaml.startswith(_OF_A_BENCH) and "dcc: " not in yaml
+    ]
 
 
 def commands(page: Path) -> list[list[str]]:

@@ -58,7 +58,7 @@ ELSEWHERE = {
     "gyro_range": ("gyro",),
     "gyro_response": ("gyro",),
     "gyro_sweep": ("gyro",),
-    "table_full": ("table_imu",),
+    "table_full": ("table_imu", "table_imu_telemetry"),
     "accel_range": ("centrifuge",),
     "accel_response": ("response",),
     "accel_sweep": ("response",),

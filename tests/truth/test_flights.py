@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import chi2
 
 from campaigns.flights.fleet import RMS, Fleet, by_time, rms_of
-from campaigns.flights.planted import PLANTED
+from campaigns.flights.planted import PLANTED, PLANTED_IN_SAMPLES
 
 pytestmark = pytest.mark.slow
 SEEDS = range(1, 7)
@@ -46,3 +46,14 @@ def test_a_planted_mistake_is_seen(name, flown):
     with PLANTED[name]():
         found = rms_of_all(flights)
     assert any(each > MUCH * max(honest[at], 1.0) for at, each in found.items())
+
+
+@pytest.mark.parametrize("fleet", [("M0 volts", "negative scale"), ("M0 codes", "as shipped")], ids=" ".join)
+def test_samples_give_velocities_as_wrong_as_is_stated_and_show_mistakes(fleet, tmp_path):
+    """One flight, since its calibration is a run through all wires; more in `python -m campaigns.flights`."""
+    flown = Fleet.of(*fleet, tmp_path).fly(7, tmp_path / "7")
+    honest = max(abs(each.ratio) for each in flown.arrivals())
+    assert honest < 3
+    for plant in PLANTED_IN_SAMPLES.values():
+        with plant():
+            assert max(abs(each.ratio) for each in flown.arrivals()) > MUCH * max(honest, 1.0)

@@ -105,6 +105,8 @@ def test_at_record_level_is_found_what_is_found_through_all_wires(template_of_ru
     for each, found in zip(through_wires, by_records, strict=True):
         assert (found.quantity, found.dwell) == (each.quantity, each.dwell)
         reported = TOLD_C * SCALE_PER_C if found.quantity == "scale_error" else 0.0
+        if found.quantity.startswith("rate_error"):  # a warm unit is the same within a thermal model's last steps
+            reported = 1e-6
         assert found.truth == pytest.approx(each.truth, rel=0, abs=reported), found
         # The errors of a phase are nearly all those of the bench; in a short sweep noise has a part in them.
         most = 4.0 if not found.quantity.startswith("phase") else 0.8 if sequence.endswith("sweep") else 0.2

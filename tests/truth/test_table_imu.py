@@ -102,3 +102,19 @@ def test_accelerometers_from_another_swing_than_the_encoder_are_noticed(run):
     assert [flag.code for flag in found.flags].count("not_one_swing") == len(mixed)
     assert found.verdict == "INCOMPLETE"
     assert [each for each in found.findings if each.quantity == "gain"] == []
+
+
+def test_a_unit_that_sends_codes_is_measured_with_the_encoder_latched_with_its_samples(tmp_path):
+    bench, sequence = prepared(tmp_path / "config", "as shipped", name="table_imu_telemetry")
+    settings = ("mountings=[x_up]", *SHORTER[1:])
+    run = run_one(RunRequest(str(sequence), bench=str(bench), seed=5, settings=settings, runs=tmp_path / "runs"))
+    results, found = results_of(run), compare_table_imu(run)
+    assert results["verdict"] == "PASS"
+    assert [flag for unit in results["units"] for flag in unit["flags"]] == []
+    assert {each["at"]["sensor"] for each in results["findings"]} == {"gyro_x", "acc_y", "acc_z"}
+    ratios = np.array([each.ratio for each in found])
+    assert len(found) > 70
+    assert np.max(np.abs(ratios)) < 4
+    assert 0.4 < np.sqrt(np.mean(ratios**2)) < 1.5
+    units = {channel["output"] for channel in json.loads((run / "calibration_a.json").read_text("utf-8"))["channels"]}
+    assert units == {"code"}

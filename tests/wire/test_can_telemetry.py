@@ -7,10 +7,12 @@ and Board i16 in 0.01 °C. A second layout is big-endian, with two channels in o
 import numpy as np
 import pytest
 
+from bench.config.bench import load_bench
 from drivers.can.dbc import Dbc, DbcError, encode_frames, readings_of
 from drivers.can.encoder_frames import position_formats
 from drivers.can.frame_block import FrameBlock
 from drivers.can.options import PositionOptions
+from drivers.dialects.can_telemetry.decoder import TelemetryDecoder
 from drivers.dialects.can_telemetry.options import SampleOptions
 from drivers.dialects.can_telemetry.wire import Samples, arrivals, decode_positions, decode_samples, sample_formats
 from tests.support.frames import frames
@@ -64,7 +66,7 @@ def test_each_channel_has_its_own_frames() -> None:
 
 
 def test_temperatures_are_read_beside_them() -> None:
-    found = readings_of(DBC.fields_in("°C"), frames(*FOUR))
+    found = readings_of(DBC.readings, frames(*FOUR))
     assert found["Housekeeping.Sensor"][1].tolist() == pytest.approx([25.0])
     assert found["Housekeeping.Board"][1].tolist() == pytest.approx([-40.12])
     assert found["Housekeeping.Board"][0].tolist() == [0.02]
@@ -201,3 +203,27 @@ def test_without_samples_there_is_no_encoder_and_without_encoders_none_is_guesse
     assert decode_positions(OUTPUT, ENCODER["table"], frames(SWUNG[1])).sequence.tolist() == []
     alone = decode_positions(OUTPUT, ENCODER["table"], frames(SWUNG[0], SWUNG[2]))
     assert (alone.sequence.tolist(), alone.lost) == ([], 2)
+
+
+# Channels that are sampled together
+
+
+@pytest.mark.parametrize("first", [3, 253, 255])
+@pytest.mark.parametrize("begins_with", [0, 1, 2])
+def test_channels_sampled_together_have_the_same_numbers_where_a_block_begins_between_them(first, begins_with) -> None:
+    """One number of 8 bits wraps around between the frames of the three axes with which the block begins."""
+    options = load_bench(ROOT / "config/table_imu_telemetry.yaml").bench.devices["telemetry"].options
+    dbc = Dbc((ROOT / "config/table_imu_telemetry.dbc").read_text("utf-8"))
+    numbers = first + np.arange(6)
+    axis = {"Tick": numbers * 200, "Sequence": numbers, "Acceleration": numbers, "Rate": -numbers}
+    encoder = {"Encoder": {"Position": 1000 + numbers, "Sequence": numbers}}
+    every = encode_frames(dbc, numbers * 2e-3, {f"Axis{letter}": axis for letter in "XYZ"} | encoder)
+    block = every.at(np.arange(begins_with, len(every)))
+    decoder = TelemetryDecoder(options)
+    samples, positions = decoder.outputs(block), decoder.positions(block)["table"]
+    common = samples["ax"].sequence[-5:].tolist()
+    for name, found in samples.items():
+        assert found.sequence[-5:].tolist() == common, name
+        assert found.tick[-5:].tolist() == ((first + 1 + np.arange(5)) * 200).tolist()
+    assert positions.sequence[-5:].tolist() == common
+    assert positions.position[-5:].tolist() == (1000 + numbers[-5:]).tolist()

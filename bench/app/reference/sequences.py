@@ -11,7 +11,7 @@ from bench.app.reference.keys import Blocks, keys, part, table
 from bench.sequence.document.model import SequenceFile
 from bench.sequence.language.expressions import Value, evaluate
 from bench.sequence.language.values import in_words
-from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
+from bench.sequence.method import CIRCUIT_OUTPUT, GYRO_OUTPUT, OUTPUT, MethodDescription, known_methods
 from bench.sequence.steps.custom import Custom, known_steps
 from bench.sequence.steps.verbs import BLOCKS, NEEDS, STEPS
 from drivers.quantity.quantities import parse
@@ -35,6 +35,7 @@ OUTPUT_IS = (
     "the bench file names no other unit."
 )
 GYRO_OUTPUT_IS = " `gyro_output` is the same of its gyros; of pulses, pulse/s/(°/s) is `pulse/°`."
+CIRCUIT_OUTPUT_IS = " `circuit_output` is the unit of the reading of its temperature circuit."
 # examples of expressions, evaluated for the page, with explanations
 EXPRESSIONS = (
     ("temperature + '5 °C'", "`+` `-` `*` `/`, a name, and a constant, which stands in quotes"),
@@ -119,7 +120,8 @@ def _method(method: MethodDescription) -> Blocks:
         "### `limits`",
         "Each key is one of these results; its limits are in the unit, or one that goes with it."
         + (OUTPUT_IS if measured_output else "")
-        + (GYRO_OUTPUT_IS if any(GYRO_OUTPUT in unit for unit in method.stated.values()) else ""),
+        + (GYRO_OUTPUT_IS if any(GYRO_OUTPUT in unit for unit in method.stated.values()) else "")
+        + (CIRCUIT_OUTPUT_IS if CIRCUIT_OUTPUT in method.stated.values() else ""),
         table(("result", "unit"), ((f"`{name}`", unit) for name, unit in method.stated.items())),
     ]
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from bench.sequence.method import GYRO_OUTPUT, OUTPUT, MethodDescription, Units
+from bench.sequence.method import CIRCUIT_OUTPUT, GYRO_OUTPUT, OUTPUT, MethodDescription, Units
 from bench.sequence.per_degree import BiasPerDegree, ScalePerDegree
 from drivers.schema.fields import InUnit, PositiveSeconds, Ratio, StrictModel
 
@@ -42,6 +42,10 @@ UNITS: Units = {
         for quantity, units in CHANGES.items()
         for what in ("change", "interpolation", "repeatability")
     },
+    **{f"N/{what}": OUTPUT for what in ("change", "left")},
+    **{f"W/{what}": GYRO_OUTPUT for what in ("change", "left")},
+    "circuit/nominal": CIRCUIT_OUTPUT,
+    "circuit/deviation": "°C",
     "K0/closure": ("g", "µg"),
     "level/closure": ("rad", "µrad"),
 }
@@ -61,6 +65,18 @@ class ImuCalibrationSettings(BiasPerDegree, ScalePerDegree):
         description="standard uncertainty of the change of the bias of a gyro with 1 °C",
     )
 
+    nominal_c: Annotated[float, InUnit("°C")] | None = Field(
+        None,
+        alias="nominal",
+        description="nominal temperature of the sensors, to which outputs are regressed; by default that of each "
+        "sensor at the first set point",
+    )
+    gradient_limit_c: Annotated[float, InUnit("°C", above=0)] = Field(
+        5.0,
+        alias="gradient_limit",
+        description="maximum deviation of the thermometer of a sensor from those of its triad; beyond it, it is not at "
+        "its sensor",
+    )
     attitude_tolerance_g: Annotated[float, InUnit("g", above=0)] = Field(
         0.05,
         alias="attitude_tolerance",

@@ -1,13 +1,14 @@
 """Cases of method M2: an inertial unit calibrated over temperature and compensated (equations 4 and 9).
 
-Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and
-`model_check`, the interpolation error of the knots of each channel.
+Beside the published keys stand `u`, which repeats `table` and `ls24` with standard uncertainties (type A), and the
+regressed outputs of `apply` with those of their differences from the nominal temperature; and `model_check`, the
+interpolation error of the knots of each channel.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -17,11 +18,12 @@ from pydantic import Field
 
 from bench.errors import InputError
 from bench.methods.imu import doubts
+from bench.methods.imu.offline_applied import apply
 from bench.methods.imu.offline_visits import COMPENSATED, check_set_points, repeatability, with_visits
 from bench.methods.imu.reduction.attitude_fit import AccelerometerFit, AttitudeFits, GyroFit, fit_attitudes
 from bench.methods.imu.reduction.attitudes import NAMES
 from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, Scatter, calibrate
-from bench.methods.imu.reduction.knots import Extrapolation, TemperatureTable, check_model, compensate
+from bench.methods.imu.reduction.knots import Extrapolation, TemperatureTable, check_model
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arrange
 from bench.methods.imu.words import INCONSISTENT, MISSING_POSITION, MISSING_RATE
 from bench.metrology.least_squares import Array
@@ -33,8 +35,6 @@ from bench.offline.csv_record import Table
 POSITIONS = "T_set_C,pos,dwell_s,Nx,Ny,Nz,Wx,Wy,Wz,Tax,Tay,Taz,Tgx,Tgy,Tgz"
 RATES = "T_set_C,axis,rate_cmd_dps,rate_true_dps,dwell_s,Wx,Wy,Wz,Tax,Tay,Taz,Tgx,Tgy,Tgz"
 THERMOMETERS = ("Tax", "Tay", "Taz", "Tgx", "Tgy", "Tgz")
-APPLY = "channel,T_C,raw_pps"
-CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("acc", "gyro") for axis in AXES)
 CALIBRATED = ("K0_pps", "K1_pps_per_g", "D0_pps", "D0_dph", "KG_p_per_deg")
 SAME_SET_POINT_C = 1e-6
 NAMES_SHOWN = 5  # unknown positions in a note
@@ -61,20 +61,21 @@ def _imu(case: Case) -> dict[str, Any]:
     found = calibrate(readings, settings.attitude_tolerance_g, site.latitude_deg)
     fits, no_fits = _fits(case, settings.least_squares_set_c, site.latitude_deg, readings, found)
     tables = {f"{sensor}_{name}": found.knots(sensor, axis) for sensor in COMPENSATED for axis, name in enumerate(AXES)}
-    applied, beyond = _apply(case, settings, tables)
+    applied = apply(case, settings.nominal_c, settings.extrapolation, found, tables)
     return {
         "table": _table(found, lambda axis, _: _calibrated(axis)),
-        "apply": applied,
+        "apply": applied.rows,
         "ls24": fits and _by_axis(fits, _accelerometer, _gyro),
         "u": {
             "table": _table(found, _u_calibrated),
             "ls24": fits and _by_axis(fits, _u_accelerometer, _u_gyro),
+            "apply": applied.u,
         },
         "repeatability": repeatability(found, tables, _calibrated),
         "model_check": {name: _model_check(name.split("_")[0], table) for name, table in tables.items()},
         "flags": [*found.flags, *([Flag("ill_conditioned")] if fits and fits.notes else [])],
         "notes": [
-            *found.notes, *(fits.notes if fits else no_fits), *beyond, *_copies(at_rest, turned),
+            *found.notes, *(fits.notes if fits else no_fits), *applied.notes, *_copies(at_rest, turned),
             *_unknown_positions(at_rest),
         ],
         "rejected": found.excluded,
@@ -247,33 +248,6 @@ def _u_gyro(found: GyroFit | None) -> dict[str, Any]:
         "gyro_D0_pps": found and found.u_d0,
         "gyro_gsens_pps_per_g": found.u_g_sensitivity_per_g if found else 3 * [None],
     }
-
-
-def _apply(
-    case: Case, settings: ImuSettings, tables: Mapping[str, TemperatureTable]
-) -> tuple[list[dict[str, Any]], list[str]]:
-    """Rows of the record `apply` after compensation, in their order, and notes on them."""
-    if not case.has("apply"):
-        return [], []
-    if settings.nominal_c is None:
-        raise InputError(f"{case.name}: settings.T_nominal_C: is missing; the record 'apply' needs it")
-    record = case.record("apply", APPLY)
-    channel = _which(record, "channel", CHANNELS)
-    temperature_c, raw = record.numbers("T_C"), record.numbers("raw_pps")
-    value, nominal = np.full((2, len(channel)), np.nan)
-    extrapolated = np.zeros(len(channel), dtype=np.bool_)
-    for number, table in enumerate(tables.values()):
-        of = channel == number
-        done = compensate(table, temperature_c[of], raw[of], settings.nominal_c, settings.extrapolation)
-        value[of], nominal[of], extrapolated[of] = done.value, done.nominal, done.extrapolated
-    names = np.array([*CHANNELS, None], dtype=object)[channel]  # -1, a blank, selects the last
-    keys = ("channel", "T_C", "value", "comp_pps", "extrapolated")
-    rows = zip(*(array.tolist() for array in (names, temperature_c, value, nominal, extrapolated)), strict=True)
-    return [dict(zip(keys, row, strict=True)) for row in rows], [
-        f"T_nominal_C {settings.nominal_c:.10g} is outside of the knots of {name}"
-        for name, table in tables.items()
-        if table.usable and not table.covers(np.array(settings.nominal_c))
-    ]
 
 
 def _model_check(sensor: str, table: TemperatureTable) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from bench.figures.svg import new_figure, rendered
 from bench.figures.words import quantity_in_words, unit_shown
 from bench.methods.imu.method import CHANGES
 from bench.methods.imu.reduction.knots import check_model
+from bench.methods.imu.reduction.regressed import QUANTITIES
 from bench.methods.imu.reduction.run import RELATIVE, ImuDetail
 from bench.metrology.results.coverage import COVERAGE
 from bench.metrology.results.finding import Finding, UnitResult
@@ -54,9 +56,33 @@ def imu_plots(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
         if found := [finding for finding in first if finding.quantity == quantity]:
             yield _matrix(found, quantity, tr(title))
     if isinstance(unit.detail, ImuDetail):
+        yield _at_nominal(unit, unit.detail)
         for sensor, pair in (("accelerometers", ("K0", "K1")), ("gyros", ("D0", "KG"))):
             if any(len(unit.detail.curves[quantity, 0][0]) > 1 for quantity in pair):
                 yield _over_temperature(unit, unit.detail, pair, f"{name}-{sensor}")
+
+
+def _at_nominal(unit: UnitResult, detail: ImuDetail) -> Sheet:
+    """Each sensor with its thermometer, its nominal temperature, and its output over temperature, before and after."""
+    results = {(each.quantity, each.at.get("axis")): each for each in unit.findings}
+    rows = []
+    for sensor, axis in product(QUANTITIES, range(len(AXES))):
+        output, channel = detail.outputs.get((sensor, axis)), f"{sensor}_{AXES[axis]}"
+        of = [f"{QUANTITIES[sensor][0]}/{what}" for what in ("change", "left")]
+        found = [results.get((quantity, AXES[axis])) for quantity in of]
+        rows.append((
+            channel, detail.unit.thermometer(channel), f"{output.nominal_c:.2f}" if output and output.is_known else "–",
+            *("–" if each is None else shown(each) for each in found),
+            detail.unit.output_unit if sensor == "acc" else detail.unit.gyro_output_unit,
+        ))  # fmt: skip
+    return Sheet(
+        tr("Outputs regressed to the nominal temperature"),
+        tr("Largest change of the output over temperature, at 1 g or the largest rate: without compensation, and at a "
+           "temperature that was left out, about four times what compensation leaves. 95 %."),
+        ((tr("sensor"), ""), (tr("thermometer"), ""), (tr("nominal temperature"), "°C"), (tr("before"), ""),
+         (tr("after"), ""), (tr("unit"), "")),
+        tuple(rows),
+    )  # fmt: skip
 
 
 def _rows(at_visits: Sequence[Finding], quantities: Sequence[str]) -> Iterator[tuple[str, ...]]:

@@ -38,7 +38,18 @@ NO_LATITUDE = "headings were not checked: the latitude is not known"
 HEADINGS_UNKNOWN = "the gyros do not tell the headings of {untold} of {count} attitudes"
 NORTH_ELSEWHERE = "the horizontal gyros saw north elsewhere than scheduled: {axes}"
 FEW_TEMPERATURES = "the thermometer of {sensor} gave fewer than half of its readings"
-NOTES = (NO_LATITUDE, HEADINGS_UNKNOWN, NORTH_ELSEWHERE, FEW_TEMPERATURES)
+NOMINAL_UNREACHED = "the nominal temperature is beyond the temperatures of {sensors}: their outputs were not regressed"
+THERMOMETER_APART = "the thermometer of {sensor} is up to {apart} °C from those of its triad; is it at its sensor?"
+OTHER_THERMOMETER = "{sensor} is calibrated over {thermometer}; here its temperature is that of {read}"
+NOTES = (
+    NO_LATITUDE,
+    HEADINGS_UNKNOWN,
+    NORTH_ELSEWHERE,
+    FEW_TEMPERATURES,
+    NOMINAL_UNREACHED,
+    OTHER_THERMOMETER,
+    THERMOMETER_APART,
+)
 SOURCES = ("power-on", "computer", "gyro", "readings of the rates", "K2 of the accelerometer")
 
 WORDS = {

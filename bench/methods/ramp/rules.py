@@ -17,7 +17,7 @@ from bench.sequence.plan.poses import angles_before, first_input_deg
 from bench.sequence.steps.orienting import Orient
 from bench.sequence.steps.stimulus import Move
 
-METHOD = "temperature_ramp"
+METHOD, VERIFICATION = "temperature_ramp", "verify_on_ramp"
 LEVEL_BELOW_G = 0.5  # as in the reduction: legs with less gravity along the input axis are the 0 g part
 SAME_ANGLE_DIGITS = 3  # decimals of equal angles in °
 
@@ -33,7 +33,7 @@ class _Leg(NamedTuple):
 
 def incomplete_ramp(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A dynamic test without legs at 0 g or at 1 g, from which bias and scale factor follow."""
-    for place, entry in _tests(plan):
+    for place, entry in _tests(plan, METHOD, VERIFICATION):
         at_g = {_along_g(leg.angle_deg, bench) < LEVEL_BELOW_G: leg for leg in _legs(plan, entry.data)}
         missing = [name for name, level in (("0 g", True), ("1 g", False)) if level not in at_g]
         if missing:
@@ -47,7 +47,7 @@ def incomplete_ramp(plan: Plan, bench: BenchFile) -> Iterator[Found]:
 
 def one_direction(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A dynamic test whose temperature only rises or only falls: hysteresis is not determined."""
-    for place, entry in _tests(plan):
+    for place, entry in _tests(plan, METHOD):
         legs = [leg for leg in _legs(plan, entry.data) if not math.isnan(leg.from_c)]
         rising = {leg.to_c > leg.from_c for leg in legs}
         if len(rising) == 1:
@@ -61,21 +61,23 @@ def one_direction(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def unnumbered_cycles(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A leg repeated outside a loop 'cycle': both count as one cycle, and repeatability is not determined."""
-    for place, entry in _tests(plan):
+    for place, entry in _tests(plan, METHOD, VERIFICATION):
         legs = _legs(plan, entry.data)
         visits = [(leg.step_id, (round(leg.angle_deg, SAME_ANGLE_DIGITS), leg.from_c, leg.to_c)) for leg in legs]
         if again := list(unnumbered(visits, "cycle")):
             yield (
                 (*place, "data"),
-                f"{again[0]} repeats a leg of '{entry.data}' outside a loop 'cycle': K0/repeatability is not found",
+                f"{again[0]} repeats a leg of '{entry.data}' outside a loop 'cycle': K0/repeatability is not found"
+                if entry.method == METHOD
+                else f"{again[0]} repeats a leg of '{entry.data}' outside a loop 'cycle': both would be one leg",
                 "Put the cycles in a loop: for_each: cycle, in: {from: 1, to: 2}",
             )
 
 
-def _tests(plan: Plan) -> Iterator[tuple[Place, ResultEntry]]:
-    """Results of this method; none on a table with several axes, on which no single angle gives the input axis."""
+def _tests(plan: Plan, *methods: str) -> Iterator[tuple[Place, ResultEntry]]:
+    """Results of these methods; none on a table with several axes, on which no single angle gives the input axis."""
     if not any(isinstance(each.step, Orient) for each in plan):
-        yield from results_by(plan, METHOD)
+        yield from results_by(plan, *methods)
 
 
 def _along_g(angle_deg: float, bench: BenchFile) -> float:

@@ -11,6 +11,19 @@ PARTS = {
     "not_one_leg": "left out: its set point ends where it began.",
     "another_angle": "left out: the part has legs at another angle; the method uses one angle.",
 }
+UNITS = {
+    "calibration:no_dynamic_model": (
+        "The calibration has no dynamic model of the bias, which a ramp determines: results of the dynamic model are "
+        "those of its curves over temperature."
+    ),
+    "calibration:samples_extrapolated": (
+        "Some samples are outside of the temperatures of the calibration, whose curves keep their end values there."
+    ),
+    "calibration:faster": (
+        "The temperature changed faster than in the run of the dynamic model, which is extrapolated."
+    ),
+}
+VARIABLES = {"rate_c_per_min": "dT/dt / °C/min"}
 SOURCES = ("lag behind the thermometer, and the unit's response to the rate",)
 
-WORDS = {"REASONS": REASONS, "PARTS": PARTS, "SOURCES": SOURCES}
+WORDS = {"UNITS": UNITS, "VARIABLES": VARIABLES, "REASONS": REASONS, "PARTS": PARTS, "SOURCES": SOURCES}

@@ -45,12 +45,14 @@ def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate
     latched_with = [encoders[motion.role].channel for encoders in all_encoders if motion.role in encoders]
     swings = isinstance(motion, Oscillate)
     for name, place in bench.places.items():
-        if bench.sent_units(place):
-            yield (
-                f"it needs all channels of the inertial unit in place '{name}' latched with the encoder of "
-                f"'{motion.role}', which is done for pulses only; this unit sends its output",
-                "Use a bench where a counter counts the pulses of the unit",
-            )
+        if place.channels is not None and bench.sent_units(place):
+            if not bench.sampled_together(place, latched_with):
+                yield (
+                    f"it needs all channels of the inertial unit in place '{name}' sampled together, and the encoder "
+                    f"of '{motion.role}' latched with the samples of one of them",
+                    "Let one device send all of its channels with one period and one clock, and add the encoder to "
+                    "options.positions of this device in the bench file, with one of the channels",
+                )
         elif place.is_counted:
             if WITH_THE_COUNTS not in latched_with:
                 yield (
@@ -177,12 +179,13 @@ def _small_swings(bench: BenchFile, motion: Oscillate, for_s: float) -> Iterator
         per_g = bench.nominal_per_g(name)
         if place.arm is None or per_g is None or not place.arm.y or place.voltmeter is not None:
             continue
-        per_rps = abs(place.arm.y * per_g) / bench.site.gravity.value * (1 if place.is_counted else turn_hz)
+        counted = place.is_counted and not bench.sent_units(place)
+        per_rps = abs(place.arm.y * per_g) / bench.site.gravity.value * (1 if counted else turn_hz)
         size = math.radians(rate_dps) * per_rps
         if size < LEAST_STEPS:
-            does = f"give only {size:.3g} pulses per swing" if place.is_counted else f"send a sine of {size:.3g} codes"
+            does = f"give only {size:.3g} pulses per swing" if counted else f"send a sine of {size:.3g} codes"
             pulses = max(4 * size * motion.highest_hz * for_s, 1.0)
-            cost = COUNT_SD * math.sqrt(2 / pulses) / size if place.is_counted else CODE_PART * size**-1.5
+            cost = COUNT_SD * math.sqrt(2 / pulses) / size if counted else CODE_PART * size**-1.5
             yield (
                 f"the swing by {rate_dps:.3g} °/s at {motion.highest_hz:.6g} Hz makes the unit in place "
                 f"'{name}' {does}: steps of the output make its gain uncertain by about {100 * cost:.2g} %, and by "

@@ -20,6 +20,10 @@ READINGS = {
 }
 UNITS = {
     "rest_missing": "There is no usable reading at rest, so that the bias and all errors are unknown.",
+    "warming_up": (
+        "The temperature of the unit changed by {change} °C during the readings, and its scale factor by up to "
+        "{ppm} ppm with it: each error is that at its own temperature. Let the unit warm up for longer."
+    ),
     "rest_of_one_angle": "The readings at rest do not cover a full turn, so that a tilt of the axis is in the bias.",
     "too_few_low_rates": (
         "Fewer than two usable rates are low enough to determine the radius, so that no error is known."
@@ -28,6 +32,10 @@ UNITS = {
     "several_crossings": "The gain falls below -3 dB more than once; the bandwidth is at the first crossing.",
     "bandwidth_not_reached": (
         "The gain does not fall to -3 dB up to the highest frequency; the bandwidth is above that."
+    ),
+    "bandwidth_left_out": (
+        "The gain does not fall to -3 dB up to {frequency} Hz, and higher frequencies are left out; the bandwidth is "
+        "above {frequency} Hz and not known."
     ),
     "bandwidth_below_at_start": "The gain is below -3 dB at the lowest frequency already; the bandwidth is below that.",
     "lever_arm_short": (
@@ -52,6 +60,10 @@ UNITS = {
     "{frequency} Hz droop": (
         "{frequency} Hz: left out: the table swung with less than half of the amplitude that it had at the lowest "
         "frequency."
+    ),
+    "{frequency} Hz few_pulses": (
+        "{frequency} Hz: left out: the unit gave too few pulses from one reversal to the next for the play of its "
+        "converter to be taken out; oscillate with a larger peak rate there, or an accelerometer on a longer arm."
     ),
     "{frequency} Hz phase_step": (
         "{frequency} Hz: its phase differs by more than 120° from the previous one; whole turns between them may be"

@@ -45,8 +45,10 @@ UNITS: Units = {
     "Kio": ("g/g²", "µg/g²"),
     "misalignment_y": ("rad", "µrad"),
     "asymmetry": ("1", "ppm"),
+    "K0/loop": ("g", "µg"),
     "K0/hysteresis": ("g", "µg"),
     "K0/closure": ("g", "µg"),
+    "K1/loop": ("1", "ppm"),
     "K1/hysteresis": ("1", "ppm"),
     "K0/model_residual": ("g", "µg"),
     "K1/model_residual": ("1", "ppm"),
@@ -102,6 +104,10 @@ VERIFICATION_UNITS: Units = {
     "K1/left_largest": ("1", "ppm"),
     "tilt/left_largest": "°",
     "tilt/verified": "°",
+    "tilt_of_two/uncompensated": "°",
+    "tilt_of_two/verified": "°",
+    "tilt_of_two/left_largest": "°",
+    "tilt_of_two/skew": ("rad", "µrad"),
 }
 VERIFY_COMPENSATION = MethodDescription(
     name="verify_compensation",

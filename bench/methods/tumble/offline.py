@@ -13,8 +13,9 @@ from bench.methods.tumble.reduction.recorded_dwells import DWELL_INVALID, Tumble
 from bench.methods.tumble.reduction.temperature_models import TemperatureModels, temperature_models
 from bench.metrology import plausibility
 from bench.metrology.results.flag import ILL_CONDITIONED, TOO_FEW_TEMPERATURES
-from bench.metrology.tilt import compare_tilt
+from bench.metrology.tilt import TiltModel, compare_tilt, compare_tilt_of_two
 from bench.offline.case_file import LEGS, Case, Reduction, Reductions, Scale, Settings
+from bench.offline.csv_record import Table
 
 
 class StaticSettings(Settings):
@@ -23,13 +24,26 @@ class StaticSettings(Settings):
     degree: int | None = Field(None, ge=1, le=8)
 
 
-class TiltSettings(Settings):
-    """Settings of `tilt`."""
+class TiltAxisSettings(Settings):
+    """Scale factor and biases of an accelerometer that measures a tilt."""
 
     scale_v_per_g: Scale = Field(alias="K1_V_per_g")
     bias_v: float = Field(alias="B0_V")
     slope_v_per_c: float = Field(alias="B1_V_per_C")
     nominal_bias_v: float = Field(alias="K0_nominal_V")
+
+    @property
+    def model(self) -> TiltModel:
+        """The same for the reduction."""
+        return TiltModel(self.scale_v_per_g, self.nominal_bias_v, (self.bias_v, self.slope_v_per_c))
+
+
+class TiltSettings(TiltAxisSettings):
+    """Settings of `tilt`; `across` is a second accelerometer at 90° and a skew, up when the first is level."""
+
+    across: TiltAxisSettings | None = None
+    skew_rad: float = 0.0
+    u_skew_rad: float = Field(0.0, ge=0)
 
 
 def _static(case: Case) -> dict[str, Any]:
@@ -94,7 +108,8 @@ def _over_temperature(found: TemperatureModels) -> dict[str, Any]:
 def _tilt(case: Case) -> dict[str, Any]:
     settings = case.settings(TiltSettings)
     # without a time, a copy cannot be distinguished from an equal reading
-    table, copies = case.record("tilt", "T_C,U_V").without_copies()
+    two = settings.across is not None
+    table, copies = case.record("tilt", "T_C,U_V,U_across_V" if two else "T_C,U_V").without_copies()
     found = compare_tilt(
         table.numbers("T_C"),
         table.numbers("U_V"),
@@ -107,6 +122,7 @@ def _tilt(case: Case) -> dict[str, Any]:
         "comp_span_deg": found.compensated_span_deg,
         "raw_mean_deg": found.raw_mean_deg,
         "comp_mean_deg": found.compensated_mean_deg,
+        **_by_both(settings, table),
         "flags": [flag for flag in found.flags if flag != "out_of_range"],
         "notes": [
             *(["samples beyond ±90° are left out"] if "out_of_range" in found.flags else []),
@@ -122,6 +138,25 @@ def _tilt(case: Case) -> dict[str, Any]:
                 settings.slope_v_per_c,
             ),
         ],
+    }
+
+
+def _by_both(settings: TiltSettings, table: Table) -> dict[str, Any]:
+    """Tilt by two accelerometers, where the settings have a second."""
+    if settings.across is None:
+        return {}
+    found = compare_tilt_of_two(
+        table.numbers("T_C"), (table.numbers("U_V"), table.numbers("U_across_V")),
+        (settings.model, settings.across.model), skew_rad=settings.skew_rad, u_skew_rad=settings.u_skew_rad,
+    )  # fmt: skip
+    return {
+        "of_two": {
+            "raw_span_deg": found.raw_span_deg,
+            "comp_span_deg": found.compensated_span_deg,
+            "raw_mean_deg": found.raw_mean_deg,
+            "comp_mean_deg": found.compensated_mean_deg,
+            "u_skew_deg": found.u_skew_deg,
+        }
     }
 
 

@@ -9,6 +9,7 @@ from bench.figures.plots import Plot, unit_plots
 from bench.figures.sheet import Sheet
 from bench.figures.words import quantity_in_words
 from bench.methods.tumble.reduction.run import TumbleAngles
+from bench.methods.tumble.shown_loops import loops_shown
 from bench.metrology.results.finding import UnitResult
 
 OF_SECOND_MOUNT = ("misalignment_y", "Kio")
@@ -17,6 +18,7 @@ OF_SECOND_MOUNT = ("misalignment_y", "Kio")
 def tumble_shown(unit: UnitResult, name: str) -> Iterator[Plot | Sheet]:
     """Plots of the unit and a table of the terms of the model equation; `name` is the prefix of the ids in the page."""
     yield from unit_plots(unit, name)
+    yield from loops_shown(unit, name)
     if isinstance(unit.detail, TumbleAngles):
         yield _separated_terms(unit.detail)
 

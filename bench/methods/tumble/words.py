@@ -9,6 +9,10 @@ UNITS = {
     "calibration:extrapolated": (
         "Some dwells are outside of the temperatures of the calibration, whose curves keep their end values there."
     ),
+    "tilt_of_two:not_determined": (
+        "The tilt by both accelerometers of the pair is not found: one has no result, or by the bench file their axes "
+        "are not at right angles."
+    ),
     "not_closed": (
         "Back at the first temperature, the bias differed from its first value by more than the method's "
         "closure_limit: every verdict is marginal."

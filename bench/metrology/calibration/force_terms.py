@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from bench.metrology.results.curves import Constant
 
 FORM = "x = v + quadratic · (v² - 1) + sum of cross[b] · v_b, x = (output - offset(T)) / scale(T) - bias(T)"
+
+Sample = Literal["", "mean", "instant"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,8 @@ class ForceTerms:
     Without one the errors of scale, offset and bias are independent, each of them one error with the `u` of its curve
     at all temperatures. `bias_u_g` and `scale_u` (relative) are standard uncertainties of the curves beside the `u` of
     their coefficients: between knots, and from one visit of a temperature to another. `valid_g` are the specific forces
-    of the calibration.
+    of the calibration. `sample` is what one output of a record is: "" for counts, else the mean over the period that
+    ends at its time, or the output then; `step` is the quantisation step of a sample in the unit of the output.
     """
 
     quadratic: Constant
@@ -34,6 +37,8 @@ class ForceTerms:
     correlation: tuple[tuple[float, ...], ...] = ()
     bias_u_g: float = 0.0
     scale_u: float = 0.0
+    sample: Sample = ""
+    step: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Content of a calibration file."""
@@ -45,4 +50,5 @@ class ForceTerms:
             "bias_u_g": self.bias_u_g,
             "scale_u": self.scale_u,
             "valid_g": list(self.valid_g),
+            **({"sample": self.sample, "step": self.step} if self.sample else {}),
         }

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
+from bench.metrology.calibration.dynamic import DynamicBias
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.linearity import Linearity
+from bench.metrology.calibration.nominal_output import NominalOutput
 from bench.metrology.least_squares import Array
 from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
 
@@ -25,7 +27,9 @@ class Compensation:
 
     `offset` is in the unit of the output, `bias` in that of the value; None means zero. With a `linearity` this is its
     x, and the value is its v. For people: `serves` names the inputs of the calibration, `found_at_c` its temperature,
-    if it was a single one. `force` is what specific force over a record needs beside the curves.
+    if it was a single one, `thermometer` the reading by which T was found. `force` is what specific force over a record
+    needs beside the curves, `nominal` what an output regressed to the nominal temperature does. `dynamic` is the model
+    of the bias that takes the place of `bias` where the rate of the temperature is known.
     """
 
     channel: str
@@ -38,6 +42,9 @@ class Compensation:
     serves: tuple[str, ...] = ()
     found_at_c: float | None = None
     force: ForceTerms | None = None
+    thermometer: str = ""
+    nominal: NominalOutput | None = None
+    dynamic: DynamicBias | None = None
 
     @property
     def valid_c(self) -> tuple[float, float] | None:
@@ -59,7 +66,10 @@ class Compensation:
             **({} if self.linearity is None else {"linearity": self.linearity.to_json()}),
             **({"serves": list(self.serves)} if self.serves else {}),
             **({"found_at_c": self.found_at_c} if self.found_at_c is not None else {}),
+            **({"thermometer": self.thermometer} if self.thermometer else {}),
             **({"force": self.force.to_json()} if self.force is not None else {}),
+            **({"nominal": self.nominal.to_json()} if self.nominal is not None else {}),
+            **({"dynamic": self.dynamic.to_json()} if self.dynamic is not None else {}),
         }
 
     def apply(self, output: Array, temperature_c: Array, beyond: Beyond = "hold") -> tuple[Array, NDArray[np.bool_]]:
@@ -76,6 +86,47 @@ class Compensation:
             return value, outside
         value, beyond_range = self.linearity.true(value)
         return np.where(beyond_range & (beyond == "reject"), np.nan, value), outside | beyond_range
+
+    def regressed(
+        self, output: Array, temperature_c: Array, nominal_c: float, beyond: Beyond = "hold"
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Outputs (n,) at the nominal temperature, their standard uncertainties, and a mask of those out of range.
+
+        Of a channel without a linearity; the uncertainty is NaN without `nominal`, and without knots.
+        """
+        value, outside = self.apply(output, temperature_c, beyond)
+        at_c = np.array([nominal_c])
+        offset, scale, bias = (
+            0.0 if curve is None else values_of(curve, at_c) for curve in (self.offset, self.scale, self.bias)
+        )
+        regressed = np.asarray((value + bias) * scale + offset)
+        if self.nominal is None or not isinstance(self.scale, KnotModel):
+            return regressed, np.full_like(regressed, np.nan), outside
+        held_c, _ = self.held(temperature_c, beyond)
+        return regressed, self.nominal.u(value, held_c, self.scale.knots_c, nominal_c), outside
+
+    def apply_at_rate(
+        self, output: Array, temperature_c: Array, rate_c_per_s: Array, beyond: Beyond = "hold"
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """The same with the dynamic model of the bias, and dT/dt (n,); as `apply` without one.
+
+        A rate beyond those of the calibration is out of range, and extrapolated unless rejected. A value is NaN where
+        the rate is missing.
+        """
+        static, outside = self.apply(output, temperature_c, beyond)
+        if self.dynamic is None:
+            return static, outside
+        fast = self.dynamic.is_beyond(rate_c_per_s)
+        value = static - self.dynamic_less_static(temperature_c, rate_c_per_s)
+        return np.where(fast & (beyond == "reject"), np.nan, value), outside | fast
+
+    def dynamic_less_static(self, temperature_c: Array, rate_c_per_s: Array) -> Array:
+        """Bias (n,) of the dynamic model less that of the static one; 0 without a dynamic model."""
+        if self.dynamic is None:
+            return np.zeros(len(temperature_c))
+        held_c, _ = self.held(temperature_c, "hold")
+        static = 0.0 if self.bias is None else values_of(self.bias, held_c)
+        return np.asarray(self.dynamic.at(held_c, rate_c_per_s) - static)
 
     def held(self, temperature_c: Array, beyond: Beyond) -> tuple[Array, NDArray[np.bool_]]:
         """Temperatures (n,) at which its curves are taken, and a mask of those out of range: held, or NaN."""

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from bench.files import atomic_file
+from bench.optional import imported
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.tables import Column, Table, tables
-from bench.report.optional import imported
 
 HDF5 = "run.h5"
 ROWS_OF_CHUNK = 1 << 14

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.files import atomic_file
+from bench.optional import imported
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.tables import FIXED, TIMES, WHOLE_NUMBERS, Table, tables
-from bench.report.optional import imported
 
 ROWS_OF_GROUP = 1 << 16  # enough for encodings to be efficient, and the maximum in memory
 _TYPES = {**dict.fromkeys((*TIMES, *FIXED, "value"), "float64"), **dict.fromkeys(WHOLE_NUMBERS, "int64")}

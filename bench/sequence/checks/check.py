@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from bench.config.models import BenchFile
 from bench.sequence.checks.steps import is_there, limit_problems, role_problems
 from bench.sequence.document.model import PHASES, ResultEntry
 from bench.sequence.language.readings import unit_of
+from bench.sequence.language.values import contains_expression
 from bench.sequence.method import OUTPUT_UNITS, MethodDescription, known_methods
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import angles_before
@@ -94,12 +96,20 @@ def _results(plan: Plan, bench: BenchFile | None) -> Iterator[Problem]:
             continue
         if entry.closure is not None and not method.closes:
             yield (*place, "closure"), f"{entry.method} has no stability check; remove 'closure'"
-        try:
-            method.settings.model_validate(entry.settings)
-        except ValidationError as error:
-            yield from problems(plan.document.value, error, (*place, "settings"))
+        yield from _settings(entry, method, plan.document.value, (*place, "settings"))
         yield from _result_limits(entry, method, bench, (*place, "limits"))
         yield from _drifts(entry, method, bench, (*place, "monthly_drift"))
+
+
+def _settings(entry: ResultEntry, method: MethodDescription, written: Any, place: Place) -> Iterator[Problem]:
+    """Problems of settings, except of those with an expression that could not be evaluated, which is reported."""
+    try:
+        method.settings.model_validate(entry.settings)
+    except ValidationError as error:
+        for at, problem in problems(written, error, place):
+            value = reduce(lambda part, key: part[key], at[len(place) :], entry.settings)
+            if at == place or not contains_expression(value):
+                yield at, problem
 
 
 def _result_limits(
@@ -131,8 +141,13 @@ def _drifts(entry: ResultEntry, method: MethodDescription, bench: BenchFile | No
 
 def _units(method: MethodDescription, bench: BenchFile | None) -> list[Mapping[str, str]]:
     """Units of the results for each kind of unit on a bench; without one, for every output that there is."""
-    on_bench = {(bench.output_unit(place), bench.gyro_output_unit(place)) for place in bench.places} if bench else set()
-    return [method.units(*each) for each in sorted(on_bench) or [(unit, unit) for unit in OUTPUT_UNITS]]
+    if bench is None or not bench.places:
+        return [method.units(unit) for unit in OUTPUT_UNITS]
+    on_bench = {
+        (bench.output_unit(place), bench.gyro_output_unit(place), bench.circuit_unit(place) or "")
+        for place in bench.places
+    }
+    return [method.units(*each) for each in sorted(on_bench)]
 
 
 def _no_result(name: str, method: MethodDescription) -> str:

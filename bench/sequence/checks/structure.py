@@ -113,7 +113,7 @@ def _constant(raw: Any) -> bool | None:
 def soak_never_stable(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A band narrower than the noise of the simulated thermometer at a unit."""
     span_c = PEAK_TO_PEAK_SD * bench.simulation.thermometer.noise
-    at_units = {reading for unit in bench.places.values() for reading in (unit.temperature, unit.converter_temperature)}
+    at_units = {reading for unit in bench.places.values() for reading in unit.read.values()}
     for planned in plan if bench.is_simulated else ():
         step = planned.step
         if not isinstance(step, Soak) or not step.until_stable or at_units.isdisjoint(bench.members(step.role)):

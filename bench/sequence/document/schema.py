@@ -45,10 +45,10 @@ def sequence_schema() -> Schema:
 
 
 def _allow_expressions(properties: dict[str, Any]) -> None:
-    """Allow an expression for every setting with a list of permitted texts."""
+    """Allow an expression for every setting with a list of permitted texts, a number or a truth value."""
     for name, found in properties.items():
-        if "enum" in found:
-            choice = {key: found.pop(key) for key in ("enum", "type") if key in found}
+        if "enum" in found or found.get("type") in ("integer", "number", "boolean"):
+            choice = {key: found.pop(key) for key in ("enum", "type", "minimum", "maximum") if key in found}
             properties[name] = {**found, "anyOf": [choice, {"type": "string", "pattern": EXPRESSION}]}
 
 

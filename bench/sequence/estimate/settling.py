@@ -201,7 +201,7 @@ class Settling:
         return (
             place
             for place in self._bench.places.values()
-            if source in map(self._source, (place.temperature, place.gyro_temperature or place.temperature))
+            if source in map(self._source, (place.temperature, *place.at_sensors.values()))
         )
 
     def _converters_at(self, name: str) -> Iterator[PlaceEntry]:

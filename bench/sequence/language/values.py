@@ -41,6 +41,13 @@ def holds_expression(raw: object) -> bool:
     return isinstance(raw, str) and "${" in raw
 
 
+def contains_expression(raw: object) -> bool:
+    """True if a raw value is an expression, or a list or a mapping that contains one."""
+    if isinstance(raw, Mapping):
+        return any(map(contains_expression, raw.values()))
+    return any(map(contains_expression, raw)) if isinstance(raw, (list, tuple)) else holds_expression(raw)
+
+
 def value_of(raw: Any, names: Mapping[str, Value] | None = None) -> Value:
     """Value of a raw value, with expressions evaluated over `names`; raises ValueProblem.
 
@@ -166,3 +173,15 @@ def as_written(value: Value) -> str:
     if isinstance(value, tuple):
         return ", ".join(as_written(item) for item in value)
     return value.written or spell(value) if isinstance(value, Quantity) else spelled(value)
+
+
+def bare(value: Any) -> Any:
+    """A number without a unit as int or float; any other value unchanged, and each value of a list or a mapping."""
+    if isinstance(value, Mapping):
+        return {key: bare(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [bare(each) for each in value]
+    if not isinstance(value, Quantity) or value.dimension != NO_DIMENSION or value.written.endswith(("%", "ppm")):
+        return value
+    number = value.to("")
+    return int(number) if number.is_integer() else number

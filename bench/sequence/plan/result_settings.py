@@ -7,8 +7,9 @@ from typing import Any, TypeVar
 
 from bench.config.document import Place, Problem
 from bench.sequence.document.model import Outline
-from bench.sequence.language.expressions import Value, ValueProblem
-from bench.sequence.language.values import as_written, holds_expression, value_of
+from bench.sequence.language.expressions import Scalar, Value, ValueProblem, scalar_of
+from bench.sequence.language.values import as_written, bare, holds_expression, value_of
+from drivers.quantity.quantities import Quantity
 
 AnyOutline = TypeVar("AnyOutline", bound=Outline)
 
@@ -26,11 +27,22 @@ def with_settings(outline: AnyOutline, parameters: Mapping[str, Value]) -> tuple
 def as_chosen(outline: AnyOutline, written: Mapping[str, str]) -> AnyOutline:
     """Return the outline of a run with its settings evaluated; `written` are its parameters as in the manifest."""
     parameters = {
-        name: value_of(text.split(", ") if isinstance(outline.parameters[name].default, tuple) else text)
+        name: _as_default(text, outline.parameters[name].default)
         for name, text in written.items()
         if name in outline.parameters
     }
     return with_settings(outline, parameters)[0]
+
+
+def _as_default(text: str, default: Value) -> Value:
+    """Value of a parameter that a manifest has as text; lists and truth values are known by the default."""
+    if isinstance(default, tuple):
+        return tuple(_scalar(item, default[0]) for item in text.split(", "))
+    return _scalar(text, default)
+
+
+def _scalar(text: str, like: Scalar) -> Scalar:
+    return text == as_written(True) if isinstance(like, bool) else scalar_of(text)
 
 
 def _evaluated(raw: Any, parameters: Mapping[str, Value], place: Place, found: list[Problem]) -> Any:
@@ -45,4 +57,10 @@ def _evaluated(raw: Any, parameters: Mapping[str, Value], place: Place, found: l
     except ValueProblem as problem:
         found.append((place, f"{place[-1]}: {problem}"))
         return raw
-    return [as_written(each) for each in value] if isinstance(value, tuple) else as_written(value)
+    return [_in_document(each) for each in value] if isinstance(value, tuple) else _in_document(value)
+
+
+def _in_document(value: Scalar) -> str | int | float | bool:
+    """A value as a document without expressions has it."""
+    plain: Quantity | str | int | float | bool = bare(value)
+    return as_written(plain) if isinstance(plain, Quantity) else plain

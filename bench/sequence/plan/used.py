@@ -21,8 +21,7 @@ def devices_used(plan: Plan, bench: BenchFile) -> frozenset[str]:
         return frozenset(bench.devices)
     names = set(plan.sequence.needs)
     for entry in bench.places.values():
-        readings = (entry.temperature, entry.gyro_temperature, entry.converter_temperature)
-        names |= {name for name in (*readings, entry.supply, *bench.measuring(entry)) if name is not None}
+        names |= {*entry.dependencies, *bench.measuring(entry)} - {entry.source}
     for interlock in (*bench.interlocks.values(), *plan.sequence.interlocks.values()):
         names |= set(interlock.names)
     for step in steps:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 from bench.sequence.language.expressions import Value
+from bench.sequence.language.values import bare
 from bench.sequence.steps.fields import Resumed, StepBase
 from drivers.installed import Installed
 from drivers.schema.fields import Name
@@ -58,7 +59,7 @@ class Custom(StepBase):
     name: Name = Field(alias="custom")
     value_name: Name | None = Field(None, alias="as", description="the name of the value in later expressions")
     role: Name | None = Field(None, description="the device that it acts on")
-    settings: Mapping[str, Any] = Field(
+    settings: Annotated[Mapping[str, Any], AfterValidator(bare)] = Field(
         default_factory=dict, alias="with", description="the settings of the plug-in's step"
     )
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from bench.config.laboratory import CertificateFields, LaboratoryFile, mark_of
 from bench.errors import InputError, StoreError
 from bench.files import content_hash, sync_folder, write_atomically
+from bench.optional import imported
 from bench.report.approval import APPROVAL, SCHEMA
-from bench.report.optional import imported
 from bench.report.revision import issued_name, replacing, writing
 from bench.station.signoff.decisions import Pending, Signed, State
 from bench.station.signoff.key import KeyFiles
@@ -25,13 +25,17 @@ STAGED, CHAIN = ".staged", "chain"
 
 
 class Issue(NamedTuple):
-    """What a certificate states beside the run itself, its form and language, and the key that signs it."""
+    """What a certificate states beside the run itself, its form and language, and the key that signs it.
+
+    With `dcc` a Digital Calibration Certificate is issued with the report, for a run that can have one.
+    """
 
     laboratory: LaboratoryFile | None = None
     fields: CertificateFields = CertificateFields()
     form: str = "pdf"
     language: str = "en"
     key: KeyFiles | None = None
+    dcc: bool = False
 
 
 def usable_key(key: KeyFiles) -> None:
@@ -50,8 +54,11 @@ def write_staged(run: Path, signed: Signed, issue: Issue) -> dict[str, str]:
         remove_staged(run)
         head, calibrations = read_seal(run).head, _calibrations(run)
         content = _approval(run, signed, issue, head, calibrations)
-        name = issued_name(signed.report, issue.form)
-        files = {name: _report(run, signed, issue, content), APPROVAL: json_text(content).encode()}
+        report = _report(run, signed, issue, content)
+        files = {issued_name(signed.report, issue.form): report}
+        if issue.dcc and (certificate := _certificate(run, issue, content, report)):
+            files[issued_name(signed.report, "xml")] = certificate
+        files[APPROVAL] = json_text(content).encode()
         for each, data in files.items():
             write_atomically(_staged(run, each), data)
     return {**{each: content_hash(data) for each, data in files.items()}, **calibrations, CHAIN: head}
@@ -125,6 +132,20 @@ def _report(run: Path, signed: Signed, issue: Issue, content: dict[str, Any]) ->
     return signer.signed(report, by=signed.by, report=signed.report) if signer is not None else report
 
 
+def _certificate(run: Path, issue: Issue, content: dict[str, Any], report: bytes) -> bytes:
+    """Return the Digital Calibration Certificate with the report inside, signed if there is a key; empty for none."""
+    imported("signxml", "dcc", what="certificate")
+    from bench.certificates.signature import Key
+    from bench.figures.languages import language
+    from bench.reduce.stored_run import open_run
+    from bench.report.dcc.write import certificate_of, why_none
+    from bench.station.signoff.loaded_key import loaded_key
+
+    key = Key(*loaded_key(issue.key)) if issue.key is not None else None
+    with open_run(run) as stored, language(issue.language):
+        return b"" if why_none(stored, content) else certificate_of(stored, key, content, report)
+
+
 def _signer(key: KeyFiles) -> Signer:
     imported("pyhanko", "sign", what="signature")
     from bench.station.signoff.signature import Signer
@@ -159,6 +180,8 @@ def _stated(laboratory: LaboratoryFile | None) -> dict[str, str]:
     stated = {
         "name": laboratory.name,
         "address": laboratory.address,
+        "country": laboratory.country,
+        "email": laboratory.email or "",
         "place": laboratory.place,
         "environment": laboratory.environment,
         "traceability": laboratory.traceability,

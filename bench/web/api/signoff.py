@@ -82,7 +82,9 @@ async def _approve(station: Services, person: Person, run: RunSummary, decision:
     with station.audit.noted(person, "approve", run.id, reason=comment, replaces=decision.replaces) as facts:
         begun = daemon.sign_off.begin(run, person.name, comment, decision.replaces)
         facts["report"] = begun.signed.report
-    issue = Issue(daemon.sign_off.laboratory, decision.fields, station.report_form, decision.language, key)
+    issue = Issue(
+        daemon.sign_off.laboratory, decision.fields, station.report_form, decision.language, key, daemon.settings.dcc
+    )
     try:
         binds = await daemon.approvals.call(write_staged, run.path, begun.signed, issue)
     except BaseException:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, bus_load, temperatures
+from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, bus_load, readings
 from drivers.can.sent_frames import BusLoad, Counted, Encoder, Output, SentFrames
 from drivers.certificates.corrections import ClockCorrections
 from drivers.description import DriverDescription
@@ -43,7 +43,7 @@ DESCRIPTION = DriverDescription(
     uncertainty=ClockUncertainty,
     corrections=ClockCorrections,
     reports_every_s=IDLE_BLOCK_S,
-    channels=temperatures,
+    channels=readings,
     frames=SentFrames(
         outputs=_outputs,
         encoders=_encoders,

@@ -36,7 +36,7 @@ class ChannelFormat:
 
 @dataclass(frozen=True, slots=True)
 class CounterFormat:
-    """Frame format of a counter: latch, channels and encoders by name, and readings in °C by `Message.Signal`."""
+    """Frame format of a counter: latch, channels and encoders by name, and readings by `Message.Signal`."""
 
     tick: Field
     tick_period_s: float
@@ -60,7 +60,7 @@ def counter_format(
             name: ChannelFormat(dbc.field(pair.positive), dbc.field(pair.negative), dbc.field(pair.sequence))
             for name, pair in channels.items()
         },
-        temperatures=dbc.fields_in("°C"),
+        temperatures=dbc.readings,
         positions=position_formats(dbc, positions),
     )
 
@@ -237,7 +237,7 @@ def _newest_rows(block: FrameBlock, begin: int) -> dict[tuple[int, int], int]:
 
 
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Decode readings in a block by channel name: arrival times and values in °C."""
+    """Decode readings in a block by channel name: arrival times and values in their units."""
     return readings_of(form.temperatures, block)
 
 

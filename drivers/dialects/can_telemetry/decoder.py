@@ -26,14 +26,32 @@ class TelemetryDecoder(FrameDecoder):
 
     def outputs(self, block: FrameBlock) -> Mapping[str, Samples]:
         """Decode the samples of every channel."""
-        return {name: wire.decode_samples(form, block) for name, form in self._formats.items()}
+        first = self._first_numbers(block)
+        return {name: wire.decode_samples(form, block, first.get(name)) for name, form in self._formats.items()}
 
     def positions(self, block: FrameBlock) -> Mapping[str, Positions]:
         """Decode the encoder positions latched with samples."""
+        first = self._first_numbers(block)
         return {
-            name: wire.decode_positions(self._formats[self._channels[name]], encoder, block)
+            name: wire.decode_positions(
+                self._formats[self._channels[name]], encoder, block, first.get(self._channels[name])
+            )
             for name, encoder in self._encoders.items()
         }
+
+    def _first_numbers(self, block: FrameBlock) -> dict[str, int]:
+        """Unwrapped number of the first sample of each channel: as near as possible to that of the first channel.
+
+        Channels that are sampled together have the same numbers, also where a block begins between their frames, and
+        one number wraps around there.
+        """
+        found: dict[str, int] = {}
+        for name, form in self._formats.items():
+            raw, size = wire.first_number(form, block), 1 << form.sequence.signal.length
+            if raw is not None:
+                anchor = next(iter(found.values()), raw)
+                found[name] = anchor + (raw - anchor + size // 2) % size - size // 2
+        return found
 
     def watches(self) -> Sequence[GapDetector]:
         """Gap detectors, one for each message with samples."""

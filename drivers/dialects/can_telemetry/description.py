@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, bus_load, temperatures
+from drivers.can.options import FRAME_SCHEMES, IDLE_BLOCK_S, ClockUncertainty, bus_load, readings
 from drivers.can.sent_frames import BusLoad, Encoder, Output, SentFrames
 from drivers.description import DriverDescription
 from drivers.dialects.can_telemetry.options import TelemetryOptions
@@ -41,7 +41,7 @@ DESCRIPTION = DriverDescription(
     safe_state=NOTHING,
     uncertainty=ClockUncertainty,
     reports_every_s=IDLE_BLOCK_S,
-    channels=temperatures,
+    channels=readings,
     frames=SentFrames(
         outputs=_outputs,
         encoders=_encoders,

@@ -51,7 +51,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         return await super().__aenter__()
 
     def _bind(self, dbc: Dbc) -> Mapping[str, wire.SampleFormat]:
-        self._temperatures, self._encoders = dbc.fields_in("°C"), position_formats(dbc, self._options.positions)
+        self._temperatures, self._encoders = dbc.readings, position_formats(dbc, self._options.positions)
         return wire.sample_formats(dbc, self._options.channels)
 
     def _process(self, block: FrameBlock) -> None:

@@ -70,13 +70,19 @@ def unbroken(forms: Mapping[str, SampleFormat]) -> list[GapDetector]:
     return [GapDetector.of(form.sequence, form.tick) for form in distinct.values()]
 
 
-def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
-    """Decode the samples of one channel in a block."""
+def first_number(form: SampleFormat, block: FrameBlock) -> int | None:
+    """Sequence number in the first frame of a channel in a block, as sent; None without a frame."""
+    rows = form.value.message.rows(block)
+    return int(form.sequence.signal.raw(block.data[rows[:1]])[0]) if len(rows) else None
+
+
+def decode_samples(form: SampleFormat, block: FrameBlock, from_number: int | None = None) -> Samples:
+    """Decode the samples of one channel in a block; their numbers are unwrapped from the first, or `from_number`."""
     rows = form.value.message.rows(block)
     data = block.data[rows]
-    number, tick = form.sequence.signal, form.tick.signal
+    tick = form.tick.signal
     ticks = tick.raw(data)
-    numbers = unwrapped_by_clock(number.raw(data), number.length, ticks, tick.length)
+    numbers = _numbers(form, data, from_number)
     first, last = (int(numbers[0]), int(numbers.max())) if len(rows) else (0, -1)
     fresh = ascending(numbers)
     usable = fresh & _valid(form, data)
@@ -96,14 +102,22 @@ def decode_samples(form: SampleFormat, block: FrameBlock) -> Samples:
     )
 
 
-def decode_positions(form: SampleFormat, encoder: PositionFormat, block: FrameBlock) -> Positions:
+def _numbers(form: SampleFormat, data: NDArray[np.uint8], from_number: int | None) -> Integers:
+    """Unwrapped numbers of samples, of which the first is `from_number`, or as it was sent."""
+    number, tick = form.sequence.signal, form.tick.signal
+    numbers = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
+    return numbers if from_number is None or not len(numbers) else numbers + (from_number - numbers[0])
+
+
+def decode_positions(
+    form: SampleFormat, encoder: PositionFormat, block: FrameBlock, from_number: int | None = None
+) -> Positions:
     """Decode encoder positions at the ends of the samples of a channel, one row for each valid sample that has one."""
-    samples = decode_samples(form, block)
+    samples = decode_samples(form, block, from_number)
     rows, of_samples = encoder.sequence.message.rows(block), form.value.message.rows(block)
-    data, number, tick = block.data[of_samples], form.sequence.signal, form.tick.signal
-    known = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
+    known = _numbers(form, block.data[of_samples], from_number)
     data, own = block.data[rows], encoder.sequence.signal
-    bits = min(own.length, number.length)  # sequence numbers of a longer signal have no counterpart in the samples
+    bits = min(own.length, form.sequence.signal.length)  # a longer number has no counterpart in the samples
     ahead = ascending(known)
     numbers, fresh = unwrap_by_neighbours(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(

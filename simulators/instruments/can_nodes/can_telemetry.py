@@ -75,7 +75,7 @@ class SimulatedTelemetry(CanNode):
         for each in self._streams:
             self._messages.setdefault(each.settings.form.value.message.name, []).append(each)
         self._thermometers: dict[str, dict[str, Field]] = {each.place: {} for each in channels.values()}
-        for name, of_signal in dbc.fields_in("°C").items():
+        for name, of_signal in dbc.readings.items():
             place = setup.readings.get(name, setup.imu_readings.get(name, ("", ""))[0])
             if place in self._thermometers:
                 self._thermometers[place][name] = of_signal

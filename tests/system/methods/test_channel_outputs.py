@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from bench.offline.calibration_file import compensated, read_calibration
+from bench.offline.motion import axes_of, converted, wanted
+from bench.reduce.output_in_run import output_in_run
 from bench.reduce.stored_run import open_run
 from bench.store.reader import RunReader
 from campaigns.truth.channel import compare_channel
@@ -73,6 +76,29 @@ def test_the_calibration_file_takes_the_temperature_out_of_the_output(full, tmp_
     (calibration,) = result.path.glob("calibration_*.json")
     row = compensated(read_calibration(calibration), data, "hold").splitlines()[1].split(",")
     assert float(row[3]) == pytest.approx(at_25, rel=1e-9)
+
+
+def test_an_acquisition_of_the_run_is_a_velocity(full):
+    """25 min at 1 g, the local gravity, with the default uncertainties of the accelerometer."""
+    _, result = full
+    (path,) = result.path.glob("calibration_*.json")
+    known = read_calibration(path)
+    at_1g = findings(result)["rate@up_1g"]["steps"][0]
+    with open_run(result.path) as stored:
+        series = output_in_run(stored, known.uut, axes_of(known), at_1g)
+    force, velocity = (
+        {
+            name: values
+            for name, _, values in converted(known, "run", series, wanted(to, "g", "hold", None, None, ())).columns
+        }
+        for to in ("acceleration", "velocity")
+    )
+    (channel,) = axes_of(known)
+    assert np.nanmean(force[f"{channel}_g"]) == pytest.approx(1.0, abs=15e-6)
+    elapsed_s = velocity["t_s"][-1]
+    assert elapsed_s > 1400
+    error_mps = velocity[f"{channel}_mps"][-1] - known.gravity_mps2 * elapsed_s
+    assert abs(error_mps) < 3 * velocity[f"u_{channel}_mps"][-1]
 
 
 def test_the_report_speaks_of_outputs_in_their_unit(full):

@@ -151,6 +151,23 @@ def test_readings_are_compensated_in_their_order(tmp_path, rng):
     assert list(result["apply"][0]) == ["channel", "T_C", "value", "comp_pps", "extrapolated"]
 
 
+def test_regressed_outputs_have_their_uncertainties(tmp_path, rng):
+    """Of one unit with noise the outputs of a channel share the errors of its knots: fifteen units."""
+    ratios = []
+    for _ in range(15):
+        unit = Unit()
+        made = records(unit, rng=rng, noise_counts=SIGMA_COUNTS)
+        made.apply, _, nominal = readings(unit, rng, count=5)
+        result = reduced(tmp_path, made)
+        us = result["u"]["apply"]
+        assert [row["channel"] for row in us] == [row["channel"] for row in made.apply]
+        found = zip(result["apply"], us, nominal, strict=True)
+        ratios += [(row["comp_pps"] - true) / u["comp_pps"] for row, u, true in found]
+    assert len(ratios) == 450
+    assert 0.75 < np.sqrt(np.mean(np.square(ratios))) < 1.3
+    assert np.max(np.abs(ratios)) < 5
+
+
 @pytest.mark.parametrize("extrapolation", ["hold", "linear", "reject"])
 def test_readings_outside_of_the_knots(tmp_path, rng, extrapolation):
     unit = Unit()

@@ -185,3 +185,21 @@ def test_tilt_meter_before_and_after_compensation(tmp_path, rng):
     assert result["comp_span_deg"] == pytest.approx(np.ptp(tilt_deg[used]), rel=1e-9)
     assert result["comp_mean_deg"] == pytest.approx(np.mean(tilt_deg[used]), rel=1e-9)
     assert result["flags"] == []
+
+
+def test_tilt_meter_of_two_over_the_full_circle(tmp_path):
+    temperature_c, tilt_deg, skew_rad = np.linspace(-40, 60, 201), 135.0, 2e-3
+    own = {"K1_V_per_g": K1, "B0_V": 3.2e-4, "B1_V_per_C": 1.4e-5, "K0_nominal_V": 6e-4}
+    across = {"K1_V_per_g": 0.9, "B0_V": -1e-4, "B1_V_per_C": 2e-5, "K0_nominal_V": 0.0}
+    columns = {"T_C": temperature_c.tolist()}
+    for name, axis, at_deg in (("U_V", own, tilt_deg), ("U_across_V", across, tilt_deg + 90 + np.degrees(skew_rad))):
+        bias_v = axis["B0_V"] + axis["B1_V_per_C"] * temperature_c
+        columns[name] = (bias_v + axis["K1_V_per_g"] * np.sin(np.radians(at_deg))).tolist()
+    result = reduced(tmp_path, "tilt", columns, **own, across=across, skew_rad=skew_rad, u_skew_rad=1e-4)
+    both = result["of_two"]
+    assert both["comp_mean_deg"] == pytest.approx(tilt_deg, abs=1e-9)
+    assert both["comp_span_deg"] == pytest.approx(0, abs=1e-9)
+    by_biases_deg = np.degrees(np.hypot(1.4e-3 / K1, 2e-3 / 0.9))
+    assert 0.2 * by_biases_deg < both["raw_span_deg"] <= by_biases_deg
+    assert both["u_skew_deg"] == pytest.approx(np.degrees(1e-4) / 2, rel=0.01)
+    assert "of_two" not in reduced(tmp_path, "tilt", {name: columns[name] for name in ("T_C", "U_V")}, **own)

@@ -8,8 +8,9 @@ import pytest
 from bench.methods.channel.reduction.line import ChannelRecord, ChannelRules, reduce_run
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.motion_records import CountRecord
 from bench.metrology.results.curves import Constant, TemperatureModel
-from bench.metrology.velocity import CountRecord, Gravity, integrate, specific_forces
+from bench.metrology.velocity import Gravity, integrate, specific_forces
 from tests.support.m0_cases import COLUMNS, T_REF_C, Channel, ramp_c, run_columns
 
 GRAVITY = Gravity(9.80665)

@@ -103,8 +103,8 @@ OF_THE_GYRO = {
 
 
 @lru_cache
-def gyros(count=TRIALS):
-    rng = np.random.default_rng(1)
+def gyros(count=TRIALS, seed=1):
+    rng = np.random.default_rng(seed)
     runs = (gyro_run(rng, Errors(rng)) for _ in range(count))
     return found_in(((reduce_gyro(run, GYRO)[0], OF_THE_GYRO) for run in runs), u_of_what_was_drawn)
 
@@ -178,8 +178,8 @@ OF_THE_ACCELEROMETER = {
 
 
 @lru_cache
-def centrifuges(count=TRIALS):
-    rng = np.random.default_rng(2)
+def centrifuges(count=TRIALS, seed=2):
+    rng = np.random.default_rng(seed)
     runs = (centrifuge_run(rng, Errors(rng)) for _ in range(count))
     return found_in(
         ((reduce_accelerometer(run, ACCELEROMETER)[0], OF_THE_ACCELEROMETER) for run in runs), u_of_what_was_drawn

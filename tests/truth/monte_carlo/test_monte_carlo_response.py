@@ -120,8 +120,8 @@ OF_THE_GYRO = of_response(GYRO_HZ, SLOW.response(np.array(GYRO_HZ)))
 
 
 @lru_cache
-def gyros(count=TRIALS):
-    rng = np.random.default_rng(1)
+def gyros(count=TRIALS, seed=1):
+    rng = np.random.default_rng(seed)
     runs = (gyro_run(rng, Errors(rng)) for _ in range(count))
     return found_in(((reduce_gyro(run, GYRO)[0], OF_THE_GYRO) for run in runs), u_of_what_was_drawn)
 
@@ -190,8 +190,8 @@ OF_THE_ACCELEROMETER = of_accelerometer()
 
 
 @lru_cache
-def accelerometers(count=TRIALS, lever_latches=1001):
-    rng = np.random.default_rng(2)
+def accelerometers(count=TRIALS, lever_latches=1001, seed=2):
+    rng = np.random.default_rng(seed)
     runs = (accelerometer_run(rng, Errors(rng), lever_latches) for _ in range(count))
     found = ((reduce_accelerometer(run, ACCELEROMETER)[0], OF_THE_ACCELEROMETER) for run in runs)
     return found_in(found, u_of_what_was_drawn)

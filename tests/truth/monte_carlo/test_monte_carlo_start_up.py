@@ -158,8 +158,8 @@ def u_of_what_was_drawn(found, _):
 
 
 @lru_cache
-def trials(count=TRIALS):
-    rng, found = np.random.default_rng(1), []
+def trials(count=TRIALS, seed=1):
+    rng, found = np.random.default_rng(seed), []
     with (
         mock.patch.object(imu_windows, "unit_axes", known_axes),
         mock.patch.object(imu_start_up, "table_errors", known_table_errors),

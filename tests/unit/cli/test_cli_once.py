@@ -6,6 +6,7 @@ import itertools
 import pytest
 
 from bench.app.request import RunRequest
+from bench.cli.campaign import CLUSTER
 from bench.cli.commands import Argument, Command
 from bench.cli.table import ALL, COMMANDS
 from bench.station.queue.items import Submission
@@ -20,7 +21,10 @@ def given(argument: Argument) -> list[str]:
 
 
 def test_every_command_gives_its_function_what_that_takes():
-    several = {"wishes": set(RunRequest._fields), "submission": set(Submission.model_fields)}
+    several = {
+        "wishes": set(RunRequest._fields), "submission": set(Submission.model_fields),
+        "cluster": {each.parameter for each in CLUSTER},
+    }  # fmt: skip
     for command in ALL:
         takes = inspect.signature(command.do).parameters
         gives = {each.parameter for each in command.arguments}
@@ -45,7 +49,7 @@ def test_some_options_take_one_value_and_some_take_several():
     assert sum(each.once for each in every) > 60
     assert {each.name for each in every if each.settings["action"] == "append" and not each.once} == {
         "--set", "--alert-route", "--calibration", "--uut", "--unit", "--driver", "--name", "--bench", "--scope",
-        "--at-start",
+        "--at-start", "--part", "--method", "--form", "--level", "--only",
     }  # fmt: skip
 
 

@@ -701,3 +701,28 @@ def test_a_bench_with_any_piece_of_text_changed_is_a_bench_or_tells_its_problems
     found = reported(lambda: load_bench(folder / "b.yaml").bench)
     assert all(problem.startswith(f"{folder}/b.yaml:") for problem in found)
     assert not any("Input should" in problem for problem in found)
+
+
+PAIR = """  tilt_pairs:
+    - {along: %s, across: %s, skew: {value: 0 mrad, U: 1 mrad, date: 2026-01-01}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "said"),
+    [
+        ("a", "x", "there is no place 'x'; expected a, b or c"),
+        ("b", "a", "place 'a' is at 270° from 'b' in the fixture, expected 90°, .* and whether they are exchanged"),
+        ("a", "c", "place 'c' is at 180° from 'a' in the fixture, expected 90°"),
+        ("a", "a", "place 'a' is at 0° from 'a' in the fixture"),
+    ],
+)
+def test_a_pair_for_a_tilt_is_at_right_angles(tmp_path, along, across, said):
+    shutil.copytree(CONFIG, tmp_path, dirs_exist_ok=True)
+    path = tmp_path / "three_units.yaml"
+    text = path.read_text("utf-8")
+    begin, end = text.index("  tilt_pairs:"), text.index("  mounts:")
+    assert len(load_bench(path).bench.fixture.tilt_pairs) == 1
+    path.write_text(text[:begin] + PAIR % (along, across) + text[end:], "utf-8")
+    with pytest.raises(InputError, match=said):
+        load_bench(path)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.metrology.tilt import TiltAxis, compare_tilt, tilt_of_one, tilt_of_two
+from bench.metrology.tilt import TiltAxis, TiltModel, compare_tilt, compare_tilt_of_two, tilt_of_one, tilt_of_two
 
 MODEL = {"scale_v_per_g": 1.13, "nominal_bias_v": 5e-4, "bias_v": (3.2e-4, 1.4e-5)}
 
@@ -110,3 +110,29 @@ def test_near_the_vertical_two_accelerometers_know_what_one_does_not():
     two = tilt_of_two(ALONG, ACROSS, along_v, across_v, skew_rad=SKEW_RAD, u_skew_rad=0.0)
     assert two.u_deg[0] == pytest.approx(one.u_deg[0], rel=1e-3)
     assert two.u_deg[1] < one.u_deg[1] / 50
+
+
+@pytest.mark.parametrize("tilt_deg", [-179.99, -90.0, 2.0, 89.0, 150.0])
+def test_both_models_take_the_temperature_out_of_the_tilt_by_both_at_any_tilt(tilt_deg):
+    temperature_c = np.append(np.linspace(-40, 60, 11), np.nan)
+    models = (TiltModel(1.13, 5e-4, (3.2e-4, 1.4e-5)), TiltModel(-0.97, 0.0, (-1e-4, -2e-5)))
+    axes_rad = np.radians(tilt_deg) + np.array([0.0, np.pi / 2 + SKEW_RAD])
+    outputs = tuple(
+        model.bias_v[0] + model.bias_v[1] * np.nan_to_num(temperature_c) + model.scale_v_per_g * np.sin(axis_rad)
+        for model, axis_rad in zip(models, axes_rad, strict=True)
+    )
+    found = compare_tilt_of_two(temperature_c, outputs, models, skew_rad=SKEW_RAD, u_skew_rad=U_SKEW_RAD)
+    assert found.compensated_span_deg == pytest.approx(0, abs=1e-9)
+    assert found.compensated_mean_deg == pytest.approx(tilt_deg)
+    assert 0.03 < found.raw_span_deg < 0.15
+    sines = np.sin(axes_rad[0]) * np.sin(axes_rad[0] + SKEW_RAD)
+    assert found.u_skew_deg == pytest.approx(abs(np.degrees(U_SKEW_RAD) * sines / np.cos(SKEW_RAD)), rel=1e-6)
+    exchanged = compare_tilt_of_two(temperature_c, outputs[::-1], models[::-1], skew_rad=SKEW_RAD, u_skew_rad=0.0)
+    assert abs(exchanged.compensated_mean_deg - tilt_deg) > 0.5 or tilt_deg == pytest.approx(45)
+
+
+def test_without_a_sample_of_both_there_is_no_tilt_by_both():
+    model = TiltModel(1.13, 0.0, (0.0, 0.0))
+    nothing = np.array([np.nan])
+    found = compare_tilt_of_two(np.array([20.0]), (np.array([0.1]), nothing), (model, model), skew_rad=0, u_skew_rad=0)
+    assert (found.raw_span_deg, found.u_skew_deg) == (None, None)

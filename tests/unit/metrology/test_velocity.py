@@ -9,8 +9,9 @@ from scipy.integrate import quad
 
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.motion_records import CountRecord
 from bench.metrology.results.curves import Constant, KnotModel, TemperatureModel
-from bench.metrology.velocity import CountRecord, Gravity, integrate, specific_forces
+from bench.metrology.velocity import Gravity, integrate, specific_forces
 
 G = Gravity(9.80665)
 TENTHS_S = np.arange(0.0, 60.05, 0.1)

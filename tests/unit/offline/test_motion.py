@@ -124,7 +124,7 @@ def test_temperatures_may_be_rarer_than_counts_and_rows_incomplete(tmp_path):
     lines.insert(4, "2.5,20,")
     rows, remarks = converted(tmp_path, "\n".join(lines) + "\n\n")
     assert rows == converted(tmp_path, counts())[0]
-    assert remarks == ["data.csv: 1 rows without a time or a count were left out"]
+    assert remarks == ["data.csv: 1 rows without a time or an output were left out"]
 
 
 def test_a_temperature_between_two_readings_is_on_the_line_between_them(tmp_path):
@@ -197,7 +197,7 @@ def test_a_counter_that_falls_is_refused_unless_it_wraps(tmp_path):
 
 def test_a_calibration_that_gives_no_force_from_counts_is_refused(tmp_path):
     without = {name: value for name, value in CHANNEL.items() if name != "force"}
-    with pytest.raises(InputError, match=r"gives no specific force from counts.*It has x \(pulse/s to g\)"):
+    with pytest.raises(InputError, match=r"gives no specific force.*It has x \(pulse/s to g\)"):
         converted(tmp_path, counts(), calibration(tmp_path, without))
     with pytest.raises(InputError, match=r"It has x \(V to g\)"):
         converted(tmp_path, counts(), calibration(tmp_path, {**CHANNEL, "output": "V"}))
@@ -212,3 +212,83 @@ def test_a_file_is_read_in_blocks(tmp_path, monkeypatch):
     assert converted(tmp_path, counts(rows=200)) == whole
     with pytest.raises(InputError, match="line 152, column x"):
         converted(tmp_path, counts(rows=200).replace("150.0,20,", "150.0,20,x"))
+
+
+# Samples
+
+VOLTS = {
+    **CHANNEL, "output": "V", "scale": {"unit": "V/g", "value": 0.5, "u": 5e-5},
+    "offset": {"unit": "V", "knots_c": [0, 40], "values": [0.0, 2e-3], "u": [0.0, 0.0]},
+    "force": {**FORCE, "sample": "instant", "step": 0.0},
+}  # fmt: skip
+CODES = {
+    **CHANNEL, "output": "code", "scale": {"unit": "code/g", "value": 4e5, "u": 40.0}, "offset": None,
+    "force": {**FORCE, "sample": "mean", "step": 1.0},
+}  # fmt: skip
+OF_X = "the calibration of channel x is of an output in"
+OF_1G = {"V": 0.5 * (1 + K0) + 1e-3, "code": 4e5 * (1 + K0)}
+
+
+def samples(value, rows=11, name="x"):
+    lines = [f"{row},20,{value!r}" for row in range(rows)]
+    return "\n".join([f"t_s,T_C,{name}", *lines]) + "\n"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_samples_give_velocity_and_specific_force(sign, tmp_path):
+    for known, value in ((VOLTS, OF_1G["V"]), (CODES, round(OF_1G["code"]))):
+        zero = known["offset"]["values"][1] / 2 if known["offset"] else 0.0
+        turned = known | {"scale": known["scale"] | {"value": sign * known["scale"]["value"]}}
+        rows, remarks = converted(tmp_path, samples(zero + sign * (value - zero)), calibration(tmp_path, turned))
+        assert column(rows, "x_mps") == pytest.approx(9.8 * np.arange(11), abs=1e-6)
+        assert column(rows, "u_x_mps")[-1] == pytest.approx(98e-4 * np.hypot(1 + K0, 0.1020), rel=1e-2)
+        assert remarks == []
+
+
+@pytest.mark.parametrize(("name", "factor"), [("x_V", 1), ("x_mV", 1000), ("x_µV", 1e6)])
+def test_a_column_may_state_another_unit_of_the_same_kind(name, factor, tmp_path):
+    rows, _ = converted(tmp_path, samples(OF_1G["V"] * factor, name=name), calibration(tmp_path, VOLTS))
+    assert column(rows, "x_mps")[-1] == pytest.approx(98.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("known", "text", "options", "problem"),
+    [
+        (VOLTS, samples(4, name="x_code"), {}, f"column 'x_code' is in 'code', and {OF_X} V"),
+        (VOLTS, samples(4, name="x_bananas"), {}, "column 'x_bananas' is in 'bananas'"),
+        (CODES, samples(0.5, name="x_V"), {}, f"column 'x_V' is in 'V', and {OF_X} code"),
+        (CODES, samples(0.5), {}, "column x has 0.5 at t_s = 0; codes are whole numbers"),
+        (VOLTS, counts(names=("x_pos", "x_neg")), {}, f"column 'x_pos' has counts, and {OF_X} V"),
+        (VOLTS, counts(), {}, "is the column in this unit, and are these samples, not counts"),
+        (VOLTS, samples(1, name="y"), {}, "has no column 'x'; expected t_s, T_C or y; the calibration"),
+        (VOLTS, samples(500 * (1 + K0) + 1), {}, "Name it with its unit, such as x_mV"),
+        (VOLTS, samples(1e-3 - 0.5 * (1 - K0)), {"starts": ("x=1",)}, "are both lines of the output exchanged"),
+        (CODES, samples(400_400), {"bits": 24}, "--counter-bits is for counts"),
+        (CHANNEL, samples(0.5, name="x_V"), {}, "has no column 'x' but 'x_V', and the calibration is of the pulses"),
+    ],
+)  # fmt: skip
+def test_a_record_of_another_kind_than_the_calibration_is_refused(known, text, options, problem, tmp_path):
+    with pytest.raises(InputError) as refused:
+        converted(tmp_path, text, calibration(tmp_path, known), **options)
+    assert problem in str(refused.value)
+
+
+def test_channels_of_several_kinds_are_refused(tmp_path):
+    both = calibration(tmp_path, VOLTS, {**CODES, "channel": "y"})
+    with pytest.raises(InputError, match="has channels of several kinds of output: x, y"):
+        converted(tmp_path, samples(1), both)
+
+
+def test_lost_and_wrong_samples_are_marked(tmp_path):
+    lines = samples(400_400, rows=60).splitlines()
+    lines[31] = lines[31].replace("400400", "400900")
+    del lines[11:13], lines[40:55]
+    rows, remarks = converted(tmp_path, "\n".join(lines), calibration(tmp_path, CODES))
+    marked = {name: [float(r["t_s"]) for r in rows if r[name] == "1"] for name in ("gap", "glitch")}
+    assert marked == {"gap": [12, 56], "glitch": [30]}
+    assert [row["x_mps"] == "" for row in rows] == [float(row["t_s"]) >= 56 for row in rows]
+    assert [remark.partition(": ")[2].partition(": ")[2] for remark in remarks] == [
+        "samples are missing before the row; the output is taken to be between its neighbours",
+        "too many samples are missing before the row; a velocity is blank from there on",
+        "one sample differs from those before and after it",
+    ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 from collections import namedtuple
 from itertools import combinations
@@ -193,6 +194,28 @@ def test_a_counter_that_may_come_round_between_two_latches_is_refused(tmp_path, 
         assert reported[1].endswith(f": negative: {problem}")
     else:
         load_bench(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "refused"),
+    [
+        (lambda text: text, False),
+        (lambda text: text.replace("channel: ax}", "channel: gz}"), False),
+        (lambda text: re.sub(r"      positions: .*\n        table: .*\n", "", text), True),
+        (lambda text: re.sub(r"(AxisY.Sequence, period:) 2 ms", r"\1 4 ms", text), True),
+    ],
+    ids=["as shipped", "latched with a gyro", "no encoder", "two periods"],
+)  # fmt: skip
+def test_channels_that_are_sent_are_sampled_together_with_the_encoder(tmp_path, change, refused):
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    path = tmp_path / "config/table_imu_telemetry.yaml"
+    path.write_text(change(path.read_text("utf-8")), "utf-8")
+    bench = load_bench(path).bench
+    if refused:
+        with pytest.raises(InputError, match="sampled together, and the encoder of 'table' latched with the samples"):
+            load_judged_plan(ROOT / "sequences/table_full.yaml", bench, preset="quick")
+    else:
+        load_judged_plan(ROOT / "sequences/table_full.yaml", bench, preset="quick")
 
 
 def test_lengths_are_those_that_cantools_reads():

@@ -28,6 +28,7 @@ from tests.unit.web.test_sayings import text_of
 # Folders and modules all of whose messages are seen on pages.
 SEEN = (
     "drivers", "bench/engine", "bench/runner", "bench/guardian", "bench/sequence", "bench/config", "bench/store",
+    "bench/certificates", "bench/report/dcc",
     "bench/reduce", "bench/rig.py", "bench/files.py", "bench/errors.py", "bench/quality.py", "bench/app/resume.py",
     "bench/app/credited.py", "bench/app/clock_record.py", "bench/methods/*/rules.py", "bench/methods/*/doubts.py",
     "bench/metrology/plausibility.py", "bench/methods/*/reduction/plausibility.py", "bench/offline/doubts.py",
@@ -50,6 +51,11 @@ ELSEWHERE = {
     "<stream end>", "cannot start any token", "could not find expected ':'", "expected <block end>",
     "expected alphabetic or numeric character", "expected the node content", "found unexpected end of stream",
     "mapping values are not allowed", "sequence entries are not allowed", "unexpected end of stream",
+    "self::si:real | self::dcc:quantity/si:real", "self::si:realListXMLList | self::dcc:quantity/si:realListXMLList",
+    "si:hybrid/si:real | si:hybrid/si:realListXMLList", "si:unit | si:unitXMLList",
+    "Q, without uncertainty", "as expected", "whose certificate was not compared with any",
+    "signed by Q (SHA-256 Q), Q; unchanged since", "g: local gravity at the place of the calibration",
+    "t, Q degrees of freedom",
     "Approval of the report Q", "dbc sha256:Q", "a stream needs an asyncio.Protocol", "# bench trace 1",
     "import json, os, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from bench.guardian.main import main; os._exit(main(*sys.argv[2:]))",

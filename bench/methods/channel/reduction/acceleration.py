@@ -1,4 +1,4 @@
-"""Specific force from the rate of a channel, at all its levels and temperatures (equations 2.5, turned round).
+"""Specific force from the output of a channel, at all its levels and temperatures (equations 2.5, turned round).
 
     D = K1 [(1 + α ΔT) (a + K0 + K2 a²)] + β ΔT        a in local g, ΔT = T - T_ref
 
@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from bench.methods.channel.reduction.compared_levels import GRAVITY_REFERENCE, Level
-from bench.metrology.calibration.force_terms import ForceTerms
+from bench.metrology.calibration.force_terms import ForceTerms, Sample
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.least_squares import Array
 from bench.metrology.results.curves import Constant, TemperatureModel
 from bench.metrology.results.finding import Finding
 
-UNITS = ("g", "pulse/s", "pulse/s/g")
+VALUE_UNIT = "g"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,9 @@ def to_specific_force(
     correlation: float,
     stated: StatedAccelerometer,
     reference_c: float,
+    sampled: tuple[Sample, float] = ("", 0.0),
 ) -> Compensation:
-    """Compensation of a counted channel to specific force.
+    """Compensation of a channel to specific force; `sampled` is the kind of its samples and their step.
 
     `levels` are the usable ones with that at 1 g among them, `rate` is its rate, and `coefficients` are β and α with
     their uncertainties and the `correlation` of their errors.
@@ -68,17 +69,18 @@ def to_specific_force(
     ends = [(float(np.min(c)), float(np.max(c))) for c in (level.run.gates.converter_c for level in levels.values())]
     valid_c = max(low for low, _ in ends), min(high for _, high in ends)
     curve = _curve_at(reference_c, rate.uut, valid_c)
-    value_unit, output_unit, scale_unit = UNITS
+    output_unit, scale_unit = rate.unit, f"{rate.unit}/{VALUE_UNIT}"
     reached_g = [0.0, *(level.data.level.level_g for level in levels.values())]
     return Compensation(
-        channel, output_unit, value_unit,
+        channel, output_unit, VALUE_UNIT,
         scale=curve("scale", scale_unit, (k1, k1 * alpha.value), u[:2]),
         offset=curve("offset", output_unit, (0.0, beta.value), u[2:4]),
-        bias=Constant(stated.bias_g + stated.quadratic, value_unit, float(u[4])),
+        bias=Constant(stated.bias_g + stated.quadratic, VALUE_UNIT, float(u[4])),
         serves=tuple(levels),
         force=ForceTerms(
             Constant(stated.quadratic, "g/g²", float(u[5])), (min(reached_g), max(reached_g)),
             correlation=tuple(tuple(row) for row in _correlation(covariance, u).tolist()),
+            sample=sampled[0], step=sampled[1],
         ),
     )  # fmt: skip
 

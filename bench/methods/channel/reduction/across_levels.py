@@ -20,6 +20,7 @@ from bench.methods.channel.reduction.findings import ChannelFindings
 from bench.methods.channel.words import OWN_SLOPE, SERVES_TOO, SLOPE_FROM
 from bench.metrology.calibration.temperature import Compensation, Curve
 from bench.metrology.least_squares import Array
+from bench.metrology.outputs import sampled_as
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation, TemperatureModel
 from bench.metrology.results.finding import Finding
@@ -67,7 +68,7 @@ class ChannelConclusions:
             yield self._compensation(by_name[name], levels)
         # Without the line through all slopes the drift between two levels is unknown.
         up, drift = by_name.get(GRAVITY_REFERENCE), self.drift
-        if up is not None and drift is not None and not drift.misfit and self.of_levels.unit.is_counted:
+        if up is not None and drift is not None and not drift.misfit:
             yield self._to_specific_force(up, by_name, drift)
 
     def _to_specific_force(self, up: Level, levels: Mapping[str, Level], drift: ChannelDrift) -> Compensation:
@@ -76,6 +77,7 @@ class ChannelConclusions:
         return to_specific_force(
             of_levels.unit.measured_by, levels, of_levels.rate(up), (beta, alpha),
             self._correlation(drift, beta, alpha), StatedAccelerometer.of(of_levels.settings), of_levels.reference_c,
+            sampled_as(of_levels.data, of_levels.unit),
         )  # fmt: skip
 
     def _compensation(self, slope_from: Level, levels: Sequence[Level]) -> Compensation:

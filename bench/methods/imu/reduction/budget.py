@@ -13,6 +13,7 @@ from bench.methods.imu.reduction.windows import Turning
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.results.budget import BudgetLine, common
+from bench.metrology.results.finding import Finding
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import quantisation_by_level
 
@@ -81,6 +82,17 @@ def scatter_line(noise: tuple[float, int], gain: Array) -> BudgetLine:
     """Type A line: effect of the scatter of readings on a result with sensitivities `gain` (n,)."""
     sd, dof = noise
     return BudgetLine(READINGS, "A", sd * float(np.linalg.norm(gain)), dof, kind=POOLED)
+
+
+def own_u(finding: Finding) -> float:
+    """Part of an uncertainty that is due to the readings."""
+    return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
+
+
+def pooled_dof(found: Sequence[Finding]) -> int | None:
+    """Least degrees of freedom of the scatter of findings; None if unlimited."""
+    scattered = [line for each in found for line in each.budget if line.kind == POOLED]
+    return min((line.dof for line in scattered if line.dof), default=None)
 
 
 def rate_weights(rates: Sequence[Turning]) -> Array:

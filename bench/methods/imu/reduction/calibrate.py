@@ -27,6 +27,7 @@ from bench.methods.imu.words import (
     MISSING_RATE,
     NO_LATITUDE,
     NORTH_ELSEWHERE,
+    THERMOMETER_APART,
 )
 from bench.metrology.least_squares import Array, LinearFit, NotDetermined, least_squares
 from bench.metrology.results.flag import Flag
@@ -146,6 +147,12 @@ class ImuCalibration:
         """One axis at all set points where it could be calibrated."""
         return _calibrated(self.points, axis)
 
+    def temperatures_c(self, sensor: str, axis: int) -> Array:
+        """Temperatures (m,) of one channel where it could be calibrated; `sensor` is acc or gyro."""
+        every = self.over_temperature(axis)
+        read_c = np.array([one.accelerometer_c if sensor == "acc" else one.gyro_c for one in every], np.float64)
+        return read_c[np.isfinite(read_c)]
+
     def knots(self, sensor: str, axis: int) -> TemperatureTable:
         """Knots of one channel over temperature; `sensor` is acc or gyro."""
         every = self.over_temperature(axis)
@@ -154,6 +161,21 @@ class ImuCalibration:
         else:
             rows = [(one.gyro_c, one.d0, one.kg_pulse_per_deg) for one in every]
         return temperature_table(np.array(rows, np.float64).reshape(-1, 3))
+
+
+def thermometers_apart(found: ImuCalibration, limit_c: float) -> Iterator[Flag]:
+    """Sensors whose thermometer deviates from the median of its triad by more than a limit at a set point.
+
+    A thermometer that came off reads the air. Two that are exchanged cannot be told: any temperature that follows the
+    sensor's makes a smooth table.
+    """
+    calibrated = [[axis for axis in point.axes if axis] for point in found.points if all(point.axes)]
+    for sensor, kind in (("acc", "accelerometer_c"), ("gyro", "gyro_c")):
+        read_c = np.array([[getattr(axis, kind) for axis in axes] for axes in calibrated]).reshape(-1, len(AXES))
+        apart_c = np.abs(read_c - np.median(read_c, axis=-1, keepdims=True))
+        for axis, largest_c in zip(AXES, np.nan_to_num(apart_c).max(axis=0, initial=0.0).tolist(), strict=True):
+            if largest_c > limit_c:
+                yield Flag(THERMOMETER_APART, values={"sensor": f"{sensor}_{axis}", "apart": f"{largest_c:.1f}"})
 
 
 def _calibrated(points: Sequence[SetPoint], axis: int) -> list[AxisCalibration]:

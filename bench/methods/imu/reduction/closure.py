@@ -49,7 +49,7 @@ class Sensitivity:
 class _Entry:
     """Check at one time: biases in g by axis, tilts in rad by direction, and the data they come from.
 
-    `at_s` is the mean bench time of its windows.
+    `temperatures_c` are those of the thermometers of its axes, `at_s` is the mean bench time of its windows.
 
     A reading is of a window and an axis; `fit` has the biases of `axes`, then the tilts.
     """
@@ -57,7 +57,7 @@ class _Entry:
     fit: LinearFit
     axes: tuple[int, ...]
     readings: tuple[tuple[Acquisition, int], ...]
-    temperature_c: float
+    temperatures_c: Mapping[int, float]
     at_s: float
 
     @property
@@ -106,18 +106,24 @@ def _entry(
         fit = least_squares(np.array(design).reshape(len(rows), -1), np.array(values_g))
     except NotDetermined:
         return None
-    read_c = np.concatenate([window.temperatures_c.get(unit.temperature, np.empty(0)) for window in windows])
-    temperature_c = float(np.nanmean(read_c)) if np.isfinite(read_c).any() else math.nan
+    temperatures_c = {axis: _mean_c(windows, _thermometer(unit, axis)) for axis in axes}
     at_s = float(np.mean([(window.begin_s + window.end_s) / 2 for window in windows]))
-    return _Entry(fit, axes, tuple(readings), temperature_c, at_s)
+    return _Entry(fit, axes, tuple(readings), temperatures_c, at_s)
+
+
+def _thermometer(unit: UnitUnderTest, axis: int) -> str:
+    return unit.thermometer(f"acc_{AXES[axis]}")
+
+
+def _mean_c(windows: Sequence[Acquisition], thermometer: str) -> float:
+    read_c = np.concatenate([window.temperatures_c.get(thermometer, np.empty(0)) for window in windows])
+    return float(np.nanmean(read_c)) if np.isfinite(read_c).any() else math.nan
 
 
 def _changes(
     data: RunData, unit: UnitUnderTest, sensitive: Mapping[int, Sensitivity], first: _Entry, last: _Entry, suffix: str
 ) -> Iterator[Finding]:
     steps = tuple(dict.fromkeys(window.step for entry in (first, last) for window, _ in entry.readings))
-    warmer_c, drift = last.temperature_c - first.temperature_c, DriftInRun(data, unit.temperature)
-    drifted_c = float(np.diff(drift.error_c(np.array([first.at_s, last.at_s])))[0])
     for index, (quantity, of) in enumerate(first.names):
         change = float(last.fit.coefficients[index] - first.fit.coefficients[index])
         lines = [*_scatter(first, last, index, sensitive), *_of_table(first, last, index, unit, data.bench)]
@@ -125,9 +131,12 @@ def _changes(
         at: dict[str, str] = {"direction": of}
         name = "change of the tilt of the table from the beginning of the run to its end; positive raises that side"
         if quantity == "K0":
-            per_c = sensitive[AXES.index(of)].bias_g_per_c
+            axis = AXES.index(of)
+            per_c, drift = sensitive[axis].bias_g_per_c, DriftInRun(data, _thermometer(unit, axis))
+            warmer_c = last.temperatures_c[axis] - first.temperatures_c[axis]
             if math.isfinite(per_c * warmer_c):
                 change -= per_c * warmer_c
+                drifted_c = float(np.diff(drift.error_c(np.array([first.at_s, last.at_s])))[0])
                 lines.append(drift.line(per_c * drifted_c))
             at = {"axis": of}
             name = "change of the bias from the beginning of the run to its end, brought to one temperature"

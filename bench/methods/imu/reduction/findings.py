@@ -244,7 +244,7 @@ class AxisAtVisit:
         return [other for other in range(len(AXES)) if other != self.axis]
 
     def _thermometer(self, quantity: str, temperature_c: float) -> BudgetLine:
-        name = self.unit.temperature if quantity in ("K0", "K1") else self.unit.gyro_temperature
+        name = self._reading_of("acc" if quantity in ("K0", "K1") else "gyro")
         slope = self.slopes.get(quantity, math.nan)
         per_c = self.per_c_u[quantity] if math.isnan(slope) else abs(slope)
         return self.bench.temperature(name, temperature_c).times(per_c)
@@ -264,8 +264,12 @@ class AxisAtVisit:
 
     def _turned_c(self, rates: list[Turning]) -> float:
         """Temperature of the gyro during the rates."""
-        name = self.unit.gyro_temperature
+        name = self._reading_of("gyro")
         return float(np.mean([each.acquisition.temperatures_c[name].mean() for each in rates]))
+
+    def _reading_of(self, sensor: str) -> str:
+        """Reading of the thermometer of the accelerometer or the gyro of the axis."""
+        return self.unit.thermometer(f"{sensor}_{AXES[self.axis]}")
 
     def _warming(self, moved: float | np.floating) -> BudgetLine:
         """Line for the temperature change during a visit, which is not corrected."""
@@ -273,7 +277,7 @@ class AxisAtVisit:
 
     def _finding(self, quantity: str, value: float, lines: list[BudgetLine], toward: int | None = None) -> Finding:
         of_gyro = quantity in ("D0", "KG", "g_sensitivity", "gyro_misalignment")
-        name = self.unit.gyro_temperature if of_gyro else self.unit.temperature
+        name = self._reading_of("gyro" if of_gyro else "acc")
         temperature_c = self.calibration.gyro_c if of_gyro else self.calibration.accelerometer_c
         at = {
             "visit": self.visit.number,

@@ -16,17 +16,20 @@ from numpy.typing import NDArray
 
 from bench.methods.imu.reduction.attitude_fit import AttitudeFits, fit_attitudes
 from bench.methods.imu.reduction.attitudes import NAMES
-from bench.methods.imu.reduction.budget import POOLED, READINGS
-from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate
+from bench.methods.imu.reduction.budget import READINGS, own_u, pooled_dof
+from bench.methods.imu.reduction.calibrate import AxisCalibration, ImuCalibration, calibrate, thermometers_apart
+from bench.methods.imu.reduction.circuit import circuit_findings
 from bench.methods.imu.reduction.closure import Sensitivity, closure_findings
 from bench.methods.imu.reduction.dead_band import dead_band_of, near_zero, near_zero_flags
 from bench.methods.imu.reduction.findings import AxisAtVisit
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, check_model
 from bench.methods.imu.reduction.noise import noise_of
+from bench.methods.imu.reduction.regressed import Regressed, outputs_of, regressed_findings
 from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.user_models import UserModels
 from bench.methods.imu.reduction.visits import differences
-from bench.methods.imu.reduction.windows import readings, visits
+from bench.methods.imu.reduction.windows import SAME_SET_POINT_C, readings, visits
+from bench.methods.imu.words import NOMINAL_UNREACHED
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
@@ -44,11 +47,13 @@ LONG = {"K0": "bias", "K1": "scale factor of the accelerometer", "D0": "zero of 
 class ImuDetail:
     """Data for the report: the calibration, and the knots of each quantity of each axis.
 
-    `curves` are temperature (k,), value (k,), by quantity and axis.
+    `curves` are temperature (k,), value (k,), by quantity and axis, `outputs` the regressed outputs by sensor and axis.
     """
 
     calibration: ImuCalibration
     curves: Mapping[tuple[str, int], tuple[Array, Array]]
+    unit: UnitUnderTest
+    outputs: Mapping[tuple[str, int], Regressed]
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -79,10 +84,14 @@ class _Unit:
         """All results of the unit."""
         at_visits = [finding for axis in self._at_visits() for finding in axis.findings()]
         over_temperature = list(self._over_temperature(at_visits))
-        user = UserModels(self._data, self._unit, self._found, at_visits)
+        nominal_c = self._settings.get("nominal_c")
+        outputs = outputs_of(self._found, self._readings, at_visits, self._nominal_visits, nominal_c)
+        over_temperature += list(regressed_findings(self._data.subject(self._unit), self._unit, outputs, at_visits))
+        user = UserModels(self._data, self._unit, self._found, at_visits, outputs)
+        circuit = list(circuit_findings(self._data, self._unit, self._visits, self._nominal_visits, nominal_c))
         unplaced = [Flag("no_attitude", at=step) for visit in self._visits for step in visit.unplaced]
         closure = list(closure_findings(self._data, self._unit, dict(self._sensitive())))
-        findings = [*at_visits, *over_temperature, *closure]
+        findings = [*at_visits, *over_temperature, *circuit, *closure]
         limits = {"K0/closure": self._settings["closure_limit_g"], "level/closure": self._settings["level_limit_rad"]}
         moved = list(dict.fromkeys(each.quantity for each in closure if abs(each.value) > limits[each.quantity]))
         if moved:
@@ -97,10 +106,12 @@ class _Unit:
                 *self._found.flags,
                 *self._found.notes,
                 *self._near_zero_flags(),
+                *self._unreached(outputs),
+                *thermometers_apart(self._found, self._settings["gradient_limit_c"]),
                 *unplaced,
                 *(Flag("moved", of=quantity) for quantity in moved),
             ),
-            detail=ImuDetail(self._found, self._curves),
+            detail=ImuDetail(self._found, self._curves, self._unit, outputs),
             compensations=tuple(user.compensations(over_temperature)),
         )
 
@@ -196,7 +207,7 @@ class _Unit:
         """Change over temperature, interpolation error of the knots and repeatability at the first set point."""
         temperature_c, values = self._curves[quantity, axis]
         scale = 1 / found[0].value if quantity in RELATIVE else 1.0
-        own = [_own(each) for each in found]
+        own = [own_u(each) for each in found]
         if len(temperature_c) > 1:
             start = np.interp(found[0].at["temperature_c"], temperature_c, values)
             farthest = int(np.argmax(np.abs(values - start)))
@@ -218,12 +229,28 @@ class _Unit:
             at_c, own_values = [each.at["temperature_c"] for each in there], [each.value for each in there]
             apart = differences(at_c, own_values, (temperature_c, values))
             largest = int(np.argmax(np.abs(apart)))
-            us = np.hypot(own[0], [_own(each) for each in again])
+            us = np.hypot(own[0], [own_u(each) for each in again])
             name = "largest difference between visits of the first set point"
             both, u = [found[0], again[largest]], float(us[largest]) * scale
             interval = interval_of_largest(apart, us).times(scale)
             value = abs(float(apart[largest])) * scale
             yield self._finding(f"{quantity}/repeatability", axis, name, value, u, both, interval)
+
+    # Regressed outputs
+
+    @property
+    def _nominal_visits(self) -> list[int]:
+        """Visits of the first set point, which is the nominal one."""
+        first = self._visits[0].set_c if self._visits else math.nan
+        return [
+            visit.number for visit in self._visits
+            if visit.number == 0 or abs(visit.set_c - first) < SAME_SET_POINT_C
+        ]  # fmt: skip
+
+    def _unreached(self, outputs: Mapping[tuple[str, int], Regressed]) -> Iterator[Flag]:
+        """Sensors whose nominal temperature is beyond their knots."""
+        if names := [f"{sensor}_{AXES[axis]}" for (sensor, axis), each in outputs.items() if not each.is_known]:
+            yield Flag(NOMINAL_UNREACHED, values={"sensors": ", ".join(names)})
 
     def _finding(
         self,
@@ -237,9 +264,7 @@ class _Unit:
     ) -> Finding:
         """A finding with the uncertainty of the readings: all other errors are common to the visits."""
         base = quantity.partition("/")[0]
-        scattered = [line for each in found for line in each.budget if line.kind == POOLED]
-        dof = min((line.dof for line in scattered if line.dof), default=0)
-        lines = [BudgetLine(READINGS, "A", abs(u), dof or None)]
+        lines = [BudgetLine(READINGS, "A", abs(u), pooled_dof(found))]
         steps = tuple(dict.fromkeys(step for each in found for step in each.steps))
         subject = self._data.subject(self._unit).part(AXES[axis])
         return subject.finding(
@@ -253,11 +278,6 @@ def _curve(found: ImuCalibration, quantity: str, axis: int) -> tuple[Array, Arra
     if not len(table.temperature_c) or quantity in RELATIVE:
         return table.temperature_c, table.scale
     return table.temperature_c, np.asarray(table.zero / table.scale)
-
-
-def _own(finding: Finding) -> float:
-    """Part of an uncertainty that is due to the readings."""
-    return math.sqrt(math.fsum(line.u**2 for line in finding.budget if line.type == "A"))
 
 
 def _same_point(one: Finding, other: Finding) -> bool:

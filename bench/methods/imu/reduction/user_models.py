@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from bench.methods.imu.reduction.budget import gyro_scale_unit
 from bench.methods.imu.reduction.calibrate import ImuCalibration
 from bench.methods.imu.reduction.knots import SAME_KNOT_C, TemperatureTable
+from bench.methods.imu.reduction.regressed import Regressed, left_outs, nominal_output
 from bench.metrology.calibration.force_terms import ForceTerms
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.least_squares import Array
@@ -29,6 +30,7 @@ class UserModels:
     unit: UnitUnderTest
     found: ImuCalibration
     at_visits: Sequence[Finding]
+    outputs: Mapping[tuple[str, int], Regressed]
 
     def models(self) -> Iterator[KnotModel]:
         """Offset and scale factor of each channel."""
@@ -47,7 +49,12 @@ class UserModels:
                 if pair is not None:
                     offset, scale = pair
                     force = force_terms(axis, findings) if sensor == "acc" and self.unit.is_counted else None
-                    yield Compensation(f"{sensor}_{name}", output_unit, value_unit, scale, offset, force=force)
+                    channel, output = f"{sensor}_{name}", self.outputs.get((sensor, axis))
+                    yield Compensation(
+                        channel, output_unit, value_unit, scale, offset, force=force,
+                        thermometer=self.unit.thermometer(channel),
+                        nominal=None if output is None else nominal_output(output, sensor, left_outs(findings, name)),
+                    )  # fmt: skip
 
     def _knots(self, sensor: str, axis: int) -> tuple[KnotModel, KnotModel] | None:
         """Knots of zero and scale factor of a channel; None with fewer than two."""
@@ -84,10 +91,9 @@ class UserModels:
 def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
     """Quadratic term and cross-coupling of the accelerometer `axis`; None if a visit determined none of them.
 
-    They are means over the visits, with the largest of the uncertainties there: errors of the table are the same at
-    all of them. Bias and scale factor differ from one visit to another, by hysteresis among others, by at most as much
-    as two visits of the first set point did, and between knots by a quarter of the error of a knot that is left out:
-    rectangular distributions.
+    They are means over the visits. Bias and scale factor differ from one visit to another, by hysteresis among others,
+    by at most as much as two visits of the first set point did, and between knots by a quarter of the error of a knot
+    that is left out: rectangular distributions.
     """
     own = [each for each in findings if each.at.get("axis") == AXES[axis]]
     quadratic = _mean([each for each in own if each.quantity == "K2"], "g/g²")
@@ -105,6 +111,19 @@ def force_terms(axis: int, findings: Sequence[Finding]) -> ForceTerms | None:
 
 
 def _mean(found: Sequence[Finding], unit: str) -> Constant | None:
+    """Mean over visits, with its standard uncertainty.
+
+    An error of type B is one at all visits. Its share in a result differs from one to another, as readings in the dead
+    band are left out; it is in the mean with the mean of its shares. Scatter is independent.
+    """
     if not found:
         return None
-    return Constant(float(np.mean([each.value for each in found])), unit, max(each.u for each in found))
+    shares: dict[str, list[float]] = {}
+    squares = 0.0
+    for line in (line for each in found for line in each.budget):
+        if line.type == "A":
+            squares += (line.u / len(found)) ** 2
+        else:
+            shares.setdefault(line.source, []).append(line.u)
+    squares += sum((sum(each) / len(found)) ** 2 for each in shares.values())
+    return Constant(float(np.mean([each.value for each in found])), unit, math.sqrt(squares))

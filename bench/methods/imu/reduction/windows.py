@@ -69,6 +69,11 @@ class Visit:
         return None if np.isnan(self.set_c) else self.set_c
 
     @property
+    def windows(self) -> list[Acquisition]:
+        """Its windows at rest, then those of rotations."""
+        return [*(each.acquisition for each in self.at_rest), *(each.acquisition for each in self.turning)]
+
+    @property
     def attitudes(self) -> frozenset[int]:
         """Attitudes that were measured."""
         return frozenset(each.attitude for each in self.at_rest)
@@ -174,8 +179,8 @@ def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float)
             ACCELEROMETERS, may_be_silent=(attitude // BLOCK)[:, np.newaxis] != np.arange(len(AXES))
         ),
         gyro_counts=at_rest.counts(GYROS),
-        accelerometer_c=at_rest.celsius(unit.temperature),
-        gyro_c=at_rest.celsius(unit.gyro_temperature),
+        accelerometer_c=at_rest.celsius(ACCELEROMETERS),
+        gyro_c=at_rest.celsius(GYROS),
     )
     rates = RateRecord(
         set_c=np.zeros(len(turned)),
@@ -184,8 +189,8 @@ def readings(found: Sequence[Visit], unit: UnitUnderTest, rate_tolerance: float)
         rate_dps=np.array([each.rate_dps for _, each in turned]),
         dwell_s=turning.span_s,
         gyro_counts=turning.counts(GYROS),
-        accelerometer_c=turning.celsius(unit.temperature),
-        gyro_c=turning.celsius(unit.gyro_temperature),
+        accelerometer_c=turning.celsius(ACCELEROMETERS),
+        gyro_c=turning.celsius(GYROS),
     )
     of_position, of_rate = (np.array([number for number, _ in part], dtype=np.int_) for part in (resting, turned))
     arranged = arranged_at(len(found), positions, of_position, rates, of_rate, rate_tolerance)
@@ -217,10 +222,11 @@ class _Windows:
         ]
         return np.asarray(np.array(means).reshape(shape) * self.span_s[:, np.newaxis])
 
-    def celsius(self, thermometer: str) -> Array:
-        """Temperatures at three sensors (n, 3)."""
-        means = [_mean_c(each.temperatures_c.get(thermometer, np.empty(0))) for each in self.acquisitions]
-        return np.repeat(np.array(means, np.float64)[:, np.newaxis], len(AXES), axis=1)
+    def celsius(self, sensors: Sequence[str]) -> Array:
+        """Temperatures at three sensors (n, 3), each by its own thermometer."""
+        names = [self.unit.thermometer(sensor) for sensor in sensors]
+        means = [[mean_c(each, name) for name in names] for each in self.acquisitions]
+        return np.array(means, np.float64).reshape(-1, len(AXES))
 
 
 def _mean(acquisition: Acquisition, channel: str, may_be_silent: np.bool_) -> float:
@@ -229,6 +235,8 @@ def _mean(acquisition: Acquisition, channel: str, may_be_silent: np.bool_) -> fl
     return np.nan if set(window.problems) - ({"dead_band"} if may_be_silent else set()) else window.mean
 
 
-def _mean_c(values: Array) -> float:
+def mean_c(acquisition: Acquisition, reading: str) -> float:
+    """Mean of a reading during an acquisition; NaN if fewer than half of its values are good."""
+    values = acquisition.temperatures_c.get(reading, np.empty(0))
     good = values[np.isfinite(values)]
     return float(good.mean()) if len(good) and len(good) >= LEAST_SHARE * len(values) else np.nan

@@ -107,7 +107,7 @@ class PowerOn:
         read = window.windows[self._unit.channels[channel]]
         of_gyro = channel.startswith("gyro")
         problems = set(read.problems) - (HARMLESS if of_gyro else frozenset())
-        read_c = window.temperatures_c.get(self._unit.gyro_temperature if of_gyro else self._unit.temperature)
+        read_c = window.temperatures_c.get(self._unit.thermometer(channel))
         at_c = np.nanmean(read_c) if read_c is not None and np.isfinite(read_c).any() else math.nan
         if problems or math.isnan(at_c):
             self.flags += [Flag(problem, at=window.step) for problem in sorted(problems) or ["no_temperature"]]

@@ -20,6 +20,7 @@ from bench.methods.imu.reduction.table_errors import table_errors
 from bench.methods.imu.reduction.windows import visits
 from bench.methods.imu.start_up.courses import Courses, Part, Settling, fit_courses, settling
 from bench.methods.imu.start_up.readings import PowerOn, Readings
+from bench.methods.imu.words import OTHER_THERMOMETER
 from bench.metrology.least_squares import Array, NotDetermined
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import LOWER_BOUND, Finding, Interval, UnitResult
@@ -88,9 +89,21 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         findings=findings,
         models=(),
         left_out=tuple(name for each in after for name in each.left_out),
-        flags=tuple(flag for each in after for flag in dict.fromkeys(each.power_on.flags)),
+        flags=(
+            *_other_thermometers(unit, released),
+            *(flag for each in after for flag in dict.fromkeys(each.power_on.flags)),
+        ),
         detail=StartUpDetail(tuple((each.power_on.visit.set_c, tuple(each.watched)) for each in after)),
     )
+
+
+def _other_thermometers(unit: UnitUnderTest, released: ReleasedCalibration) -> Iterator[Flag]:
+    """Channels whose temperature is not that of the thermometer of their calibration."""
+    for channel, known in released.channels.items():
+        read = unit.thermometer(channel)
+        if known.thermometer not in ("", read):
+            values = {"sensor": channel, "thermometer": known.thermometer, "read": read}
+            yield Flag(OTHER_THERMOMETER, values=values)
 
 
 class _Watch:

@@ -17,7 +17,14 @@ import numpy as np
 from bench.methods.ramp.reduction.characteristic import UG_PER_G, Differences
 from bench.methods.ramp.reduction.reduced import ReducedRamp
 from bench.methods.ramp.reduction.samples import RampLeg
-from bench.methods.ramp.reduction.scatter import SlopeScatter, slope_scatter, sum_scatter
+from bench.methods.ramp.reduction.scatter import (
+    COUNT_STRIDE,
+    SlopeScatter,
+    resolution_u,
+    shown_scatter,
+    slope_scatter,
+    sum_scatter,
+)
 from bench.metrology.extremes import scatter_sd
 from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine, common
@@ -29,7 +36,6 @@ SCATTER = "samples: scatter"
 COUNTING = "counting"  # the kind of the line of the resolution of the count
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 LEVEL = "fixture: level"
-COUNT_STRIDE = 2  # neighbours share a latch, and therefore the counting error
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,8 @@ class RampBudget:
     def sd_g(self) -> float:
         """Standard deviation of a sample about a smooth curve."""
         smooth = [residuals_ug / UG_PER_G for residuals_ug in self.ramp.found.residuals_ug]
-        return _known_sd(scatter_sd(smooth, COUNT_STRIDE), self.ramp.found.line.residual_sd)
+        found = _known_sd(scatter_sd(smooth, COUNT_STRIDE), self.ramp.found.line.residual_sd)
+        return shown_scatter(found, resolution_u(self.ramp.whole) * self.ramp.per_g)
 
     def sds_of(self, differences: Sequence[Differences]) -> list[Array]:
         """Standard deviations (n,) of the differences between two legs about a smooth curve, in g."""

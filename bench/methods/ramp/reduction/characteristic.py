@@ -48,7 +48,9 @@ class RampJump:
 
 @dataclass(frozen=True, slots=True)
 class LagModel:
-    """U = bias + slope T + rate dT/dt. A lag τ behind the thermometer gives a rate coefficient of -slope τ.
+    """U = bias + slope T + rate dT/dt, found at rates up to `fastest_c_per_s` either way.
+
+    A lag τ behind the thermometer gives a rate coefficient of -slope τ.
 
     Next to a turn of the ramp, where the smoothing of dT/dt would extend into the other leg, the model is neither
     fitted nor judged: there dT/dt has already changed while a lagging output still turns.
@@ -58,6 +60,7 @@ class LagModel:
     slope_g_per_c: float
     rate_g_s_per_c: float
     max_residual_ug: float
+    fastest_c_per_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,7 +284,7 @@ def _jumps(legs: Sequence[Leg], residuals_ug: Sequence[Array], limits: RampLimit
 
 def _lag_model(legs: Sequence[Leg]) -> tuple[LagModel | None, tuple[Differences, ...]]:
     """Lag model and the loops that it leaves; None if the rate of temperature is constant."""
-    designs = [np.stack([np.ones_like(leg.time_s), leg.temperature_c, _rates_c_per_s(leg)], axis=-1) for leg in legs]
+    designs = [np.stack([np.ones_like(leg.time_s), leg.temperature_c, rates_of(leg)], axis=-1) for leg in legs]
     design, output_g = np.concatenate(designs), _joined(leg.output_g for leg in legs)
     known = np.isfinite(design[:, 2])
     try:
@@ -292,11 +295,12 @@ def _lag_model(legs: Sequence[Leg]) -> tuple[LagModel | None, tuple[Differences,
     residuals_ug = [(leg.output_g - columns @ fit.coefficients) * UG_PER_G for leg, columns in pairs]
     largest_ug = float(np.max(np.abs(fit.residuals))) * UG_PER_G
     bias_g, slope_g_per_c, rate_g_s_per_c = (float(coefficient) for coefficient in fit.coefficients)
-    model = LagModel(bias_g, slope_g_per_c, rate_g_s_per_c, largest_ug)
+    fastest_c_per_s = float(np.max(np.abs(design[known, 2])))
+    model = LagModel(bias_g, slope_g_per_c, rate_g_s_per_c, largest_ug, fastest_c_per_s)
     return model, _loops(_at_whole_degrees(legs, residuals_ug))
 
 
-def _rates_c_per_s(leg: Leg) -> Array:
+def rates_of(leg: Leg) -> Array:
     """dT/dt at each sample, the slope of a line through 21 samples around it, fewer in a leg of fewer than 40.
 
     NaN where the samples around do not all belong to the leg.

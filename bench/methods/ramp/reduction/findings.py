@@ -12,13 +12,14 @@ import numpy as np
 from bench.methods.ramp.reduction.budget import COUNTING, LAG, SCATTER, RampBudget
 from bench.methods.ramp.reduction.characteristic import UG_PER_G, Differences, DynamicCharacteristic, RampJump
 from bench.methods.ramp.reduction.reduced import ReducedRamp
+from bench.metrology.calibration.dynamic import SECONDS, DynamicBias
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.extremes import interval_of_rms
 from bench.metrology.largest import largest_of
 from bench.metrology.least_squares import PolynomialFit
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.coverage import COVERAGE, coverage_factor
-from bench.metrology.results.curves import TemperatureModel
+from bench.metrology.results.curves import Constant, Equation, TemperatureModel
 from bench.metrology.results.finding import Finding, Interval
 from bench.metrology.tilt_findings import TiltOrigin, tilt_findings
 
@@ -39,17 +40,41 @@ class RampFindings:
         yield self._scale_slope()
         yield from self._tilt()
 
-    def models(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel]:
-        """Straight line of the bias, misalignment included, and the scale factor."""
+    def models(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel | Equation]:
+        """Straight line of the bias, misalignment included, the scale factor, and the dynamic model of the bias."""
+        yield from self._curves(left_out)
+        dynamic = self._dynamic()
+        if dynamic is not None:
+            b0, b1 = dynamic.bias.coefficients
+            constants = {"B0": Constant(b0, "g"), "B1": Constant(b1, "g/°C"), "Bd": dynamic.rate}
+            fastest = dynamic.fastest_c_per_min
+            yield Equation(
+                self.budget.subject.id("K0/model=dynamic"), self.budget.unit.serial, "K0/dynamic",
+                "K0 = B0 + B1 T + Bd dT/dt", constants,
+                {"temperature_c": dynamic.bias.valid_c, "rate_c_per_min": (-fastest, fastest)},
+            )  # fmt: skip
+
+    def _curves(self, left_out: tuple[str, ...]) -> Iterator[TemperatureModel]:
         yield self._model("K0", "g", self._found.line, len(self._ramp.level), left_out)
         ramp, output_unit = self._ramp, self.budget.unit.output_unit
         yield self._model("K1", f"{output_unit}/g", ramp.scale.model, len(ramp.upright), left_out)
 
     def compensation(self) -> Compensation:
         """Conversion of an output to an acceleration; the bias contains the misalignment at 0 g."""
-        bias, scale = self.models(())
+        bias, scale = self._curves(())
         unit = self.budget.unit
-        return Compensation(unit.measured_by, unit.output_unit, "g", scale=scale, bias=bias)
+        return Compensation(unit.measured_by, unit.output_unit, "g", scale=scale, bias=bias, dynamic=self._dynamic())
+
+    def _dynamic(self) -> DynamicBias | None:
+        """Model of the bias over temperature and dT/dt; None if the rate did not change."""
+        found, lag = self._found, self._found.lag
+        if lag is None:
+            return None
+        line = TemperatureModel(
+            "", self.budget.unit.serial, "K0", "g", 0.0, 1.0, (lag.bias_g, lag.slope_g_per_c), valid_c=found.line.valid
+        )
+        rate = Constant(lag.rate_g_s_per_c / SECONDS, "g·min/°C")
+        return DynamicBias(line, rate, lag.fastest_c_per_s * SECONDS)
 
     # Straight line and departures from it
 

@@ -51,11 +51,7 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
-    legs, left_out, flags = _legs(data, unit, settings["sample_s"])
-    level = _at_first_angle([leg for leg in legs if _is_level(leg)])
-    upright = _at_first_angle([leg for leg in legs if not _is_level(leg)])
-    flags += [Flag("another_angle", at=leg.path) for leg in legs if not any(leg is used for used in (*level, *upright))]
-    flags += [Flag("part_missing", at=name) for name, part in (("0 g", level), ("1 g", upright)) if not part]
+    level, upright, left_out, flags = parts_of(data, unit, settings["sample_s"])
     limits = RampLimits(settings["jump_threshold_g"] * UG_PER_G, settings["jump_window"])
     try:
         ramp = ReducedRamp.of(level, upright, limits) if level and upright else None
@@ -84,6 +80,18 @@ def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) ->
         detail=tuple(_curves(found)),
         compensations=(findings.compensation(),),
     )
+
+
+def parts_of(
+    data: RunData, unit: UnitUnderTest, sample_s: float
+) -> tuple[list[RampLeg], list[RampLeg], tuple[str, ...], list[Flag]]:
+    """Legs of a unit at 0 g and at 1 g, each at one angle, the paths of those left out, and the reasons."""
+    legs, left_out, flags = _legs(data, unit, sample_s)
+    level = _at_first_angle([leg for leg in legs if _is_level(leg)])
+    upright = _at_first_angle([leg for leg in legs if not _is_level(leg)])
+    flags += [Flag("another_angle", at=leg.path) for leg in legs if not any(leg is used for used in (*level, *upright))]
+    flags += [Flag("part_missing", at=name) for name, part in (("0 g", level), ("1 g", upright)) if not part]
+    return level, upright, left_out, flags
 
 
 def _legs(data: RunData, unit: UnitUnderTest, sample_s: float) -> tuple[list[RampLeg], tuple[str, ...], list[Flag]]:

@@ -27,7 +27,24 @@ from bench.metrology.gate_scatter import (
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import Array, fit_polynomial
 
+COUNT_STRIDE = 2  # neighbours share a latch, and therefore the counting error
+PULSES_U = 1 / np.sqrt(6)  # standard deviation of the difference of two fractions of a pulse
+HIDDEN = 0.5  # of the resolution: less scatter is not believed
 TURN_SHARE = 0.2  # share of a leg left out: the ramp has just turned, or begun from rest
+
+
+def resolution_u(legs: Sequence[RampLeg]) -> float:
+    """Standard uncertainty of a rate by the fractions of a pulse at both ends of a sample; 0 if not counted."""
+    counted = [leg.seconds[leg.seconds > 0] for leg in legs if leg.counted]
+    return max((PULSES_U / float(np.median(seconds)) for seconds in counted if len(seconds)), default=0.0)
+
+
+def shown_scatter(found: float, resolution: float) -> float:
+    """Standard deviation of samples from their second differences, or their resolution if these hide it.
+
+    The second differences of counts are 0 if the rate is close to a whole number of pulses in a sample.
+    """
+    return resolution if found < HIDDEN * resolution else found
 
 
 class SlopeScatter(NamedTuple):

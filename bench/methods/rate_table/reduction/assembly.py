@@ -1,7 +1,8 @@
 """Sensors of an inertial unit on a rate table, each reduced as a unit of its own (equations 5.10).
 
 In each mounting those gyros are measured whose input axes point along the axis of the table, and the accelerometers
-across it, all from the same acquisitions: one latch holds all channels of the unit and the encoder.
+across it, all from the same acquisitions: one latch holds all channels of the unit and the encoder. A unit that sends
+samples takes all of them at once, and the encoder is latched with one of its channels.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from typing import Any, Literal
 import numpy as np
 
 from bench.methods.rate_table.reduction.intake import encoder_of
-from bench.metrology.acquisition import Acquisition, Array, Counts, Mount, Positions
+from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Mount, Positions
 from bench.metrology.bench_uncertainty import BenchRecord
 from bench.metrology.orientation import turned_axes
-from bench.metrology.outputs import mean_of
+from bench.metrology.outputs import mean_of, measured
 from bench.metrology.results.finding import UnitResult
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import AXES, RunData, UnitUnderTest
@@ -79,7 +80,7 @@ def _assembly(
         there = replace(data, acquisitions=tuple(replace(each, mount=Mount()) for each in used))
         for sensor in sensors:
             own = {**settings, "scale": settings["scale"].get(sensor.name, settings["scale"])}
-            parts.append((sensor, reduce(there, sensor.unit, own)))
+            parts.append((sensor, reduce(_latched_with(there, sensor.unit), sensor.unit, own)))
     return _together(unit, parts, flags, left_out)
 
 
@@ -90,10 +91,9 @@ def _sensors(unit: UnitUnderTest, mount: Mount, kind: Kind, bench: BenchRecord) 
         cosine = float(axis @ up)
         if cosine > ALONG if kind == "gyro" else abs(cosine) < ACROSS:
             name = f"{kind}_{letter}"
-            at_gyros = unit.gyro_temperature if kind == "gyro" else ""
             own = replace(
-                unit, place="/".join(filter(None, (unit.place, mount.name, name))), channel=unit.channels[name],
-                channels={}, temperature=at_gyros or unit.temperature, gyro_temperature="", mount_angle_deg=0.0,
+                unit.alone(name), sensor="", place="/".join(filter(None, (unit.place, mount.name, name))),
+                temperature=unit.thermometer(name), gyro_temperature="", temperatures={}, mount_angle_deg=0.0,
                 arm_m=_arm_m(unit, axis, up),
             )  # fmt: skip
             yield Sensor(name, mount.name, own)
@@ -115,21 +115,33 @@ def _arm_m(unit: UnitUnderTest, axis: Array, up: Array) -> tuple[float, float, f
     return float(arm_m @ axis), float(arm_m @ np.cross(up, axis)), float(arm_m @ up)
 
 
+def _latched_with(data: RunData, unit: UnitUnderTest) -> RunData:
+    """Acquisitions of one swing, with the encoder as latched with the samples of this channel of the unit too."""
+    if unit.telemetry is None:
+        return data
+    acquisitions = []
+    for each in data.acquisitions:
+        positions = {name: replace(encoder, channel=unit.telemetry) for name, encoder in each.positions.items()}
+        acquisitions.append(replace(each, positions=positions))
+    return replace(data, acquisitions=tuple(acquisitions))
+
+
 def _is_one_swing(acquisition: Acquisition, unit: UnitUnderTest) -> bool:
-    """True if all channels of a unit and the encoder have the same latches: they record one motion."""
+    """True if all channels of a unit and the encoder have the same latches or samples: they record one motion."""
     if (encoder := encoder_of(acquisition)) is None:
         return True  # it is left out with a flag of its own
-    channels = [acquisition.counts.get(channel) for channel in unit.channels.values()]
+    recorded: dict[str, Counts | Codes] = {**acquisition.counts, **acquisition.codes}
+    channels = [recorded.get(channel) for channel in unit.channels.values()]
     return all(each is not None and _same_latches(each, encoder) for each in channels)
 
 
-def _same_latches(counts: Counts, encoder: Positions) -> bool:
-    """True if most latches of a channel are those of the encoder, at the same ticks."""
-    common, of_counts, of_encoder = np.intersect1d(
-        counts.sequence, encoder.sequence, assume_unique=True, return_indices=True
+def _same_latches(found: Counts | Codes, encoder: Positions) -> bool:
+    """True if most latches or samples of a channel are those of the encoder, at the same ticks."""
+    common, of_channel, of_encoder = np.intersect1d(
+        found.sequence, encoder.sequence, assume_unique=True, return_indices=True
     )
-    enough = len(common) >= LEAST_COMMON * max(len(counts.sequence), len(encoder.sequence))
-    return bool(enough) and bool(np.array_equal(counts.tick[of_counts], encoder.tick[of_encoder]))
+    enough = len(common) >= LEAST_COMMON * max(len(found.sequence), len(encoder.sequence))
+    return bool(enough) and bool(np.array_equal(found.tick[of_channel], encoder.tick[of_encoder]))
 
 
 def _in_other_mounting(
@@ -144,9 +156,9 @@ def _in_other_mounting(
         return None
     axes, up = _axes_and_up(unit, mount, bench)
     for letter, axis in zip(AXES, axes, strict=True):
-        expected_g, channel = float(axis @ up), unit.channels[f"acc_{letter}"]
+        expected_g, sensor = float(axis @ up), unit.alone(f"acc_{letter}")
         for each in acquired if abs(expected_g) > ALONG else ():
-            read_g = mean_of(each.counts[channel]).value / unit.nominal_per_g
+            read_g = mean_of(measured(each, sensor)).value / unit.nominal_per_g
             if abs(read_g - expected_g) > OFF_G:
                 return each.step
     return None
@@ -169,7 +181,7 @@ def _together(
         name: replace(each, channel=name)
         for sensor, result in reversed(named)
         for each in result.compensations
-        for name in (sensor.name + each.channel.removeprefix(sensor.unit.channel),)
+        for name in (sensor.name + each.channel.removeprefix(sensor.unit.measured_by),)
     }
     results = [result for _, result in named]
     return UnitResult(

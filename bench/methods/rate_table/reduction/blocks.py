@@ -38,7 +38,7 @@ class Block:
 
     `step` is the resolution of a counted output, 0 for any other; `behind` is the lag from converter hysteresis that
     was removed from it. `rounding` is the resolution of samples that were not counted, and `kept` the response of the
-    sampling to a sine.
+    sampling to a sine. `table_step` is the resolution of the encoder, 0 if it is not known.
     """
 
     time_s: Array
@@ -49,6 +49,7 @@ class Block:
     behind: Array | None = None
     rounding: float = 0.0
     kept: Kept = instantaneous
+    table_step: float = 0.0
 
     @property
     def complete(self) -> bool:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.methods.rate_table.reduction.converter_hysteresis import MOST_TURNS, SETTLED
+from bench.methods.rate_table.reduction.count_quantisation import errors_of_counting
 from bench.methods.rate_table.reduction.lever_arm import RAD_PER_DEG, OnArm
 from bench.methods.rate_table.reduction.response_points import DROOP, SweepPoint, Swing
 from bench.methods.rate_table.reduction.samples import TableSamples
@@ -24,7 +26,6 @@ from bench.metrology.least_squares import Array, NotDetermined, least_squares
 PERIODS, LEAST_S, POINTS = 24, 2.0, 60  # least periods and time of a window, and most windows of a sweep
 EVEN_RAD = 0.05  # r.m.s. deviation of the phase from a parabola; with more the frequency did not change evenly
 AS_COMMANDED = 0.1  # relative deviation of the change of frequency
-ROUNDS = 5  # fits with the play that the one before leaves
 FINE = 16  # points between two latches at which a reversal is looked for
 NOISE_LINES = np.concatenate([np.arange(-12, -4), np.arange(5, 13)])  # of the window, clear of the bends of the sine
 BENT = 1.5  # of a constant beside a slope and a curvature, over that of a constant alone: the root of 9/4
@@ -34,7 +35,8 @@ BENT = 1.5  # of a constant beside a slope and a curvature, over that of a const
 class Window:
     """Sine at the middle of a window: phasors of angle in ° and summed output, with standard uncertainties.
 
-    `bend` is the second derivative of its phase, in rad/s².
+    `bend` is the second derivative of its phase, in rad/s², and `stroke` the least change of a counted charge between
+    two reversals, in pulses, infinite of samples.
     """
 
     frequency_hz: float
@@ -44,16 +46,21 @@ class Window:
     u_angle: float
     u_output: float
     bend: float
+    stroke: float
+
+    @property
+    def nominal_hz(self) -> float:
+        """Frequency by which its point is named."""
+        return float(f"{self.frequency_hz:.5g}")
 
 
 def chirp_points(
-    samples: TableSamples, motion: Motion, per_pulse: float, play_pulses: float, on: OnArm | None = None
+    windows: Sequence[Window], samples: TableSamples, motion: Motion, per_pulse: float, on: OnArm | None = None
 ) -> Iterator[SweepPoint]:
-    """Responses of a gyro; with `on`, those of an accelerometer.
+    """Responses of a gyro in windows of its samples; with `on`, those of an accelerometer.
 
     The sum of a gyro's output is an angle, that of an accelerometer's a velocity, -rate · y.
     """
-    windows = list(_windows(samples, motion, play_pulses if samples.sampled is None else 0.0))
     for window, ratio in zip(windows, _settled(windows), strict=True):
         at_hz = np.array([window.frequency_hz])
         rate = 2j * np.pi * window.frequency_hz  # of 1°, in °/s
@@ -71,7 +78,7 @@ def chirp_points(
         response = ratio * per_pulse / expected
         u_output = window.u_output * abs(per_pulse / expected / window.angle)
         u_gain = float(np.hypot(u_output, abs(response) * u_relative))
-        yield SweepPoint(float(f"{window.frequency_hz:.5g}"), swing, complex(response), u_gain, u_output, u_output)
+        yield SweepPoint(window.nominal_hz, swing, complex(response), u_gain, u_output, u_output)
 
 
 def _settled(windows: Sequence[Window]) -> NDArray[np.complex128]:
@@ -88,7 +95,7 @@ def _settled(windows: Sequence[Window]) -> NDArray[np.complex128]:
     return np.asarray(ratio + 0.5j * np.array([window.bend for window in windows]) * bend)
 
 
-def _windows(samples: TableSamples, motion: Motion, play_pulses: float) -> Iterator[Window]:
+def swept_windows(samples: TableSamples, motion: Motion, play_pulses: float) -> Iterator[Window]:
     """Windows in which the frequency changes as commanded, in order of time."""
     first_hz, last_hz = motion.sweep_hz
     sweep_s = motion.sweep_s or np.nan
@@ -131,22 +138,28 @@ def _phase(crossings_s: Array, first: int) -> Array | None:
 
 def _window(samples: TableSamples, rows: NDArray[np.bool_], middle_s: float, phase: Array, play: float) -> Window:
     """Fit angle and output of a window; the play of a converter is taken out of its counts."""
+    counted = samples.sampled is None
     at_s, total = samples.time_s[rows] - middle_s, samples.total[rows]
     half_s = float(np.max(np.abs(at_s)))
     design, turned = _design(at_s, phase, half_s)
     angle = least_squares(design, samples.angle_deg[rows])
-    output, behind = angle.gain @ total, np.zeros_like(total)
-    if play:
+    output, behind, stroke, of_counting = angle.gain @ total, np.zeros_like(total), np.inf, 0.0
+    if counted:
         steps = np.arange(FINE) / FINE
         fine_s = np.append((at_s[:-1, np.newaxis] + np.diff(at_s)[:, np.newaxis] * steps).ravel(), at_s[-1])
         fine, _ = _design(fine_s, phase, half_s)
-        for _ in range(ROUNDS):
-            behind = _behind(fine @ output, play / 2)[::FINE]
+        for _ in range(MOST_TURNS if play else 0):
+            before, behind = behind, _behind(fine @ output, play / 2)[::FINE]
             output = angle.gain @ (total - behind)
+            if float(np.max(np.abs(behind - before))) < SETTLED:
+                break
+        stroke = _stroke(fine @ output, len(_crossings_s(at_s, samples.angle_deg[rows])) / 2)
+        of_counting = _u_counting(design @ output + behind, angle.gain[:2])
     lines = np.exp(-1j * (turned + np.pi * NOISE_LINES[:, np.newaxis] * at_s / half_s))
     return Window(
         float(phase[1] / (2 * np.pi)), middle_s, _phasor(angle.coefficients), _phasor(output),
-        _u(angle.residuals, lines), _u(total - behind - design @ output, lines), float(2 * phase[2]),
+        _u(angle.residuals, lines), max(_u(total - behind - design @ output, lines), of_counting),
+        float(2 * phase[2]), stroke,
     )  # fmt: skip
 
 
@@ -168,10 +181,31 @@ def _u(residuals: Array, lines: NDArray[np.complex128]) -> float:
     return float(BENT * np.sqrt(np.mean(np.abs(beside) ** 2) / 2))
 
 
+def _u_counting(charge: Array, gain: Array) -> float:
+    """Standard uncertainty of a phasor by counting a charge (n,); `gain` (2, n) are its rows of a fit.
+
+    Errors of counting that repeat from period to period are at the line, not beside it.
+    """
+    return float(np.sqrt(np.mean((errors_of_counting(charge) @ gain.T) ** 2)))
+
+
+def _reversals(charge: Array) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """True where a charge (n,) rises, and indices at which that changes."""
+    rising = np.diff(charge, append=2 * charge[-1] - charge[-2]) > 0
+    return rising, np.flatnonzero(rising[1:] != rising[:-1]) + 1
+
+
+def _stroke(charge: Array, periods: float) -> float:
+    """Least change of a charge (n,) from one reversal to the next; that of a period if it does not reverse."""
+    _, reversed_at = _reversals(charge)
+    if len(reversed_at) < 2:
+        return float(abs(charge[-1] - charge[0]) / periods)
+    return float(np.min(np.abs(np.diff(charge[reversed_at]))))
+
+
 def _behind(charge: Array, half: float) -> Array:
     """Difference of the counts (n,) of a converter with play from its charge; before the first reversal half of it."""
-    rising = np.diff(charge, append=2 * charge[-1] - charge[-2]) > 0
-    reversed_at = np.flatnonzero(rising[1:] != rising[:-1]) + 1
+    rising, reversed_at = _reversals(charge)
     last = np.zeros(len(charge), np.int64)
     last[reversed_at] = reversed_at
     last = np.maximum.accumulate(last)

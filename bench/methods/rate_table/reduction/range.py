@@ -56,6 +56,8 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
             *form.of_the_clock(error.true),
         ]
         at = {"point": number, "rate_dps": turning.command_dps}
+        if np.isfinite(turning.temperature_c):
+            at["at_c"] = turning.temperature_c
         points.append(PointError(turning, at, error.true, error.value, lines))
     return form.with_curve(blocks, [rest], "rate", points, ("scale_error", "asymmetry", "cubic"))
 

@@ -180,6 +180,7 @@ class RangeFindings:
         terms: Sequence[str],
     ) -> UnitResult:  # fmt: skip
         """Results of the unit: those of its points, and the curve through them, at their mean temperature."""
+        blocks.flags += self._warming_up(points, blocks.warmed_c)
         errors = [finding for point in points for finding in self._errors(point)]
         findings = [*findings, *errors, self._saturated(blocks)]
         read = [point for point in points if self.stable(point.turning) and not point.saturated]
@@ -208,6 +209,15 @@ class RangeFindings:
         )  # fmt: skip
         model = self._model(quantity, linearity, bias, of_curve)
         return replace(result, models=(model,), compensations=(compensation,))
+
+    def _warming_up(self, points: Sequence[PointError], change_c: float) -> Iterator[Flag]:
+        """The flag of a gyro whose scale factor changed with its temperature by more than an error is uncertain.
+
+        An accelerometer is compared with itself.
+        """
+        per_c = float(self.settings["scale_per_c_u"])
+        if self.symbol != "g" and any(abs(point.true) * per_c * change_c > point.expanded / 2 for point in points):
+            yield Flag("warming_up", values={"change": f"{change_c:.2g}", "ppm": f"{per_c * change_c * 1e6:.2g}"})
 
     def _to_one_temperature(self, point: PointError, at_c: float | None) -> Iterator[BudgetLine]:
         """Uncertainty of a point from the temperature coefficient of the scale factor, in a curve at one temperature.

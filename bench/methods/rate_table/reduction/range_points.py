@@ -10,7 +10,7 @@ import numpy as np
 from bench.methods.rate_table.reduction.bias_at_rest import Rest, RestReading, fit_rest
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.samples import Steady, harmonics_u_dps, steady
-from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c
+from bench.methods.rate_table.reduction.temperatures import MeanTemperature, temperatures_c, warmed_c
 from bench.metrology.pooled_scatter import Scatter, alike
 from bench.metrology.pulse_counts import mean_rate
 from bench.metrology.results.flag import Flag
@@ -41,13 +41,17 @@ class Turning:
 
 @dataclass(slots=True)
 class RangeBlocks:
-    """Data of a unit in a range test. `left_out` are the paths of unusable acquisitions, `flags` give the reasons."""
+    """Data of a unit in a range test. `left_out` are the paths of unusable acquisitions, `flags` give the reasons.
+
+    `warmed_c` is the change of the temperature over its readings, 0 unless it is more than its thermometer may drift.
+    """
 
     rest: Rest | None = None
     rest_steps: list[str] = field(default_factory=list)
     turning: list[Turning] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     flags: list[Flag] = field(default_factory=list)
+    warmed_c: float = 0.0
 
     @property
     def bias(self) -> Steady:
@@ -111,6 +115,7 @@ def range_blocks(
         all_c = temperatures_c(list(warmth), list(warmth.values()), drift_c)
         as_warm_c = dict(zip(warmth, all_c.tolist(), strict=True))
         turning = [(at_s, replace(each, temperature_c=as_warm_c[at_s])) for at_s, each in turning]
+        found.warmed_c = warmed_c(list(warmth), list(warmth.values()), drift_c)
         found.settle(at_rest, turning, axis_wobbles=feels_gravity)
     else:
         found.flags.append(Flag("rest_missing"))

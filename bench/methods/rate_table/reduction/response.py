@@ -15,7 +15,8 @@ import numpy as np
 
 from bench.methods.rate_table.reduction import waveform
 from bench.methods.rate_table.reduction.assembly import each_sensor
-from bench.methods.rate_table.reduction.chirp import chirp_points
+from bench.methods.rate_table.reduction.chirp import chirp_points, swept_windows
+from bench.methods.rate_table.reduction.converter_hysteresis import too_few_pulses, without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
 from bench.methods.rate_table.reduction.lever_arm import (
     SHORT_ARM_M,
@@ -38,12 +39,10 @@ from bench.methods.rate_table.reduction.response_points import (
 from bench.methods.rate_table.reduction.samples import TableSamples, mean_c
 from bench.methods.rate_table.reduction.sampling import instantaneous
 from bench.methods.rate_table.reduction.second_order import response_model
-from bench.methods.rate_table.reduction.sine_fit import find_frequency, resolved
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, stated_scale
 from bench.methods.rate_table.reduction.waveform import shown_point
 from bench.metrology.acquisition import Motion
 from bench.metrology.calibration.response import ResponseCompensation
-from bench.metrology.least_squares import Array, NotDetermined, least_squares
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.curves import Constant, Equation
 from bench.metrology.results.finding import UnitResult
@@ -52,10 +51,6 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 ARM_U = 3.0  # maximum difference of an arm from the bench file, in standard uncertainties
 PointOf = Callable[[TableSamples, float, Remarks], SweepPoint | None]
-MOST_TURNS = 100  # iterations: the removed play depends on the remaining sine
-SETTLED = 1e-3  # convergence, of a pulse
-PHASES = 4096
-HARMONICS = 2
 
 
 def reduce_gyro(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
@@ -158,6 +153,7 @@ class _Sweep:
     steps: dict[float, str]
     remarks: Remarks
     left_out: list[str]
+    left_out_hz: list[float]
     temperatures_c: dict[float, float]
     play_pulses: float
     chirps: list[tuple[TableSamples, Motion]]
@@ -165,7 +161,7 @@ class _Sweep:
     @classmethod
     def of(cls, data: RunData, unit: UnitUnderTest, play_pulses: float) -> _Sweep:
         """Collect the oscillations of a unit; of a repeated frequency the last one counts."""
-        sweep = cls(unit, {}, {}, Remarks(), [], {}, play_pulses if unit.is_counted else 0.0, [])
+        sweep = cls(unit, {}, {}, Remarks(), [], [], {}, play_pulses if unit.is_counted else 0.0, [])
         found: dict[float, TableSamples] = {}
         for acquisition in data.acquisitions:
             samples, motion = table_samples(acquisition, unit), acquisition.motion
@@ -179,7 +175,11 @@ class _Sweep:
                 sweep.remarks.flags += [Flag(problem, at=acquisition.step) for problem in problems]
             else:
                 found[motion.frequency_hz] = without_hysteresis(samples, motion.frequency_hz, sweep.play_pulses)
-        sweep.swings = dict(sorted(found.items()))
+        for hz, samples in sorted(found.items()):
+            if too_few_pulses(samples.stroke, sweep.play_pulses):
+                sweep.leave_out(hz, "few_pulses")
+            else:
+                sweep.swings[hz] = samples
         sweep.steps = {hz: samples.step for hz, samples in sweep.swings.items()}
         sweep.temperatures_c = {hz: samples.temperature_c for hz, samples in sweep.swings.items()}
         return sweep
@@ -194,10 +194,15 @@ class _Sweep:
         """Return the points and those of continuous sweeps, by frequency; constant frequencies come first."""
         known = {point.nominal_hz for point in points}
         for samples, motion in self.chirps:
-            found = list(chirp_points(samples, motion, per_pulse, self.play_pulses, on))
-            if not found:
+            windows = list(swept_windows(samples, motion, self.play_pulses))
+            if not windows:
                 self.remarks.flags.append(Flag("not_swept", at=samples.step))
                 self.left_out.append(samples.step.partition("/")[2])
+            few = [window for window in windows if too_few_pulses(window.stroke, self.play_pulses)]
+            for window in few:
+                self.leave_out(window.nominal_hz, "few_pulses")
+            enough = [window for window in windows if window not in few]
+            found = chirp_points(enough, samples, motion, per_pulse, on)
             for point in (each for each in found if each.nominal_hz not in known):
                 known.add(point.nominal_hz)
                 points.append(point)
@@ -205,10 +210,12 @@ class _Sweep:
                 self.temperatures_c[point.nominal_hz] = samples.temperature_c
         return sorted(points, key=lambda point: point.nominal_hz)
 
-    def leave_out(self, frequency_hz: float) -> None:
-        """Leave out a frequency without a result."""
-        self.remarks.flags.append(at_frequency(INVALID, frequency_hz))
-        self.left_out.append(f"{frequency_hz:g} Hz")
+    def leave_out(self, frequency_hz: float, problem: str = INVALID) -> None:
+        """Leave out a frequency without a result, for the first problem that it has."""
+        if frequency_hz not in self.left_out_hz:
+            self.left_out_hz.append(frequency_hz)
+            self.remarks.flags.append(at_frequency(problem, frequency_hz))
+            self.left_out.append(f"{frequency_hz:g} Hz")
 
     def points(self, swings: Mapping[float, TableSamples], point_of: PointOf) -> list[SweepPoint]:
         """Responses at the frequencies that determine one."""
@@ -231,13 +238,16 @@ class _Sweep:
     ) -> UnitResult:  # fmt: skip
         """Results of the unit; `scale` is the stated scale factor, for values in the unit `symbol`."""
         flags = [Flag("no_response") if flag.code == INVALID else flag for flag in self.remarks.flags]
-        if found.bandwidth.status in ("not_reached", "below_at_start"):
+        held = {point.frequency_hz for point in found.points}
+        not_held = [*self.left_out_hz, *(point.nominal_hz for point in points if point.nominal_hz not in held)]
+        if found.bandwidth.status == "not_reached" and max(not_held, default=0.0) > max(held):
+            flags.append(Flag("bandwidth_left_out", values={"frequency": f"{max(held):g}"}))
+        elif found.bandwidth.status in ("not_reached", "below_at_start"):
             flags.append(Flag(f"bandwidth_{found.bandwidth.status}"))
         if found.bandwidth.crossings > 1:
             flags.append(Flag("several_crossings"))
         if not points:
             self.left_out.append("response")
-        held = {point.frequency_hz for point in found.points}
         model = response_model(
             [point for point in points if point.nominal_hz in held], findings.model_id, findings.skew
         )
@@ -254,56 +264,3 @@ class _Sweep:
         channel = f"{self.unit.measured_by}@response"
         found_at_c = mean_c(list(self.temperatures_c.values()))
         return (ResponseCompensation.of_model(model, channel, (self.unit.output_unit, symbol), scale, found_at_c),)
-
-
-def without_hysteresis(samples: TableSamples, nominal_hz: float, play_pulses: float) -> TableSamples:
-    """Samples of an oscillation with the counts of a converter without hysteresis.
-
-    Unchanged if there is no play, if the pulses are of one sign only, or if they do not reverse twice in a period, as
-    for an oscillation smaller than the play.
-    """
-    if not play_pulses or samples.problems:
-        return samples
-    try:
-        frequency_hz = find_frequency(samples.time_s, samples.angle_deg, nominal_hz)
-        behind = _settled(samples, frequency_hz, play_pulses / 2)
-    except NotDetermined:
-        return samples
-    return replace(samples, total=samples.total - behind, behind=behind)
-
-
-def _settled(samples: TableSamples, frequency_hz: float, half: float) -> Array:
-    """Lag of the counts (n,), iterated with the remaining sine until it does not change.
-
-    One or two iterations suffice for many pulses, tens if the play is a large part of few pulses.
-    """
-    behind = np.zeros_like(samples.total)
-    for _ in range(MOST_TURNS):
-        before, behind = behind, _behind(samples.time_s, samples.total - behind, frequency_hz, half)
-        if float(np.max(np.abs(behind - before))) < SETTLED:
-            break
-    return behind
-
-
-def _behind(time_s: Array, pulses: Array, frequency_hz: float, half: float) -> Array:
-    """Difference of the counts (n,) from the charge, with the present counts taken as the charge."""
-    turn = 2 * np.pi * frequency_hz
-    harmonics = [k for k in range(1, HARMONICS + 1) if resolved(time_s, k * frequency_hz)]
-
-    def design(at_s: Array) -> Array:
-        waves = [wave(k * turn * at_s) for k in harmonics for wave in (np.cos, np.sin)]
-        return np.column_stack([np.ones_like(at_s), at_s, *waves])
-
-    coefficients = least_squares(design(time_s), pulses).coefficients
-    phase = np.arange(PHASES) / PHASES / frequency_hz
-    charge = design(np.append(phase, 1 / frequency_hz)) @ coefficients
-    rising = np.diff(charge) > 0
-    turns = np.flatnonzero(rising != np.roll(rising, 1))
-    if len(turns) != 2 or np.ptp(charge) <= 2 * half:
-        return np.zeros_like(pulses)
-    at_s = np.mod(time_s, 1 / frequency_hz)
-    goes_up = rising[np.minimum((at_s * frequency_hz * PHASES).astype(np.int64), PHASES - 1)]
-    low, high = (phase[turns[rising[turns] == up][0]] for up in (True, False))
-    since_s = np.mod(at_s - np.where(goes_up, low, high), 1 / frequency_hz)
-    charge, began = design(time_s) @ coefficients, design(time_s - since_s) @ coefficients
-    return np.where(goes_up, np.maximum(began + half, charge - half), np.minimum(began - half, charge + half)) - charge

@@ -162,9 +162,8 @@ def swing_of_angle(block: Block, nominal_hz: float, remarks: Remarks) -> Swing |
     if not fit:
         return None
     angle, u = complex(fit.phasors[0]), float(fit.u[0])
-    few_phases = bool(fit.u_periodic > fit.u_random[0])
     rate = 2j * np.pi * fit.frequency_hz * angle
-    return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u / abs(angle), few_phases)
+    return Swing(fit.frequency_hz, float(block.time_s[0]), rate, u / abs(angle), fit.few_phases)
 
 
 def fit_table(block: Block, nominal_hz: float, remarks: Remarks) -> SineFit | None:
@@ -173,7 +172,9 @@ def fit_table(block: Block, nominal_hz: float, remarks: Remarks) -> SineFit | No
         return None
     try:
         frequency_hz = find_frequency(block.time_s, block.table, nominal_hz)
-        fit = fit_sine(block.time_s, block.table, frequency_hz, origin_s=float(block.time_s[0]))
+        fit = fit_sine(
+            block.time_s, block.table, frequency_hz, origin_s=float(block.time_s[0]), resolution=block.table_step
+        )
     except NotDetermined:
         return None
     remarks.excluded["outlier"] += fit.dropped

@@ -57,7 +57,8 @@ class TableSamples:
     latches `sampled` is what they leave of a sine, None of what was counted up; `step_of_codes` is how far two codes
     are apart, and `hidden_u` what that hides from a mean. `readings` are those that were taken at other times.
     `rate_u_dps` is the standard uncertainty of the table's rate where `angle_deg` is a line through the angles of an
-    encoder of unknown scatter; None where its resolution tells it.
+    encoder of unknown scatter; None where its resolution tells it. `stroke` is the least change of a charge in pulses
+    from one reversal of an oscillation to the next, or over a period without any; infinite of other samples.
     """
 
     step: str
@@ -75,6 +76,7 @@ class TableSamples:
     hidden_u: float = 0.0
     readings: TurningReadings | None = None
     rate_u_dps: float | None = None
+    stroke: float = np.inf
 
     def block(self, per_pulse: float) -> Block:
         """Samples as a block: time, the encoder's angle then, and the mean output before, in units of `per_pulse`.
@@ -83,7 +85,10 @@ class TableSamples:
         """
         whole = np.diff(self.latch) == 1
         output = np.diff(self.total) / np.diff(self.time_s) * per_pulse
-        return Block(self.time_s[1:][whole], self.angle_deg[1:][whole], output[whole], int(np.ptp(self.latch)))
+        return Block(
+            self.time_s[1:][whole], self.angle_deg[1:][whole], output[whole], int(np.ptp(self.latch)),
+            table_step=self.resolution_deg,
+        )  # fmt: skip
 
     def swing(self, per_pulse: float) -> Block:
         """Best data for the fit of a sine: the samples themselves, or the cumulative counts at each latch."""
@@ -96,8 +101,9 @@ class TableSamples:
         scheduled = int(np.ptp(self.latch)) + 1
         behind = None if self.behind is None else self.behind * per_pulse
         return Block(
-            self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, behind, kept=integration
-        )
+            self.time_s, self.angle_deg, self.total * per_pulse, scheduled, per_pulse, behind, kept=integration,
+            table_step=self.resolution_deg,
+        )  # fmt: skip
 
     @property
     def temperature_c(self) -> float:

@@ -37,15 +37,17 @@ class SineFit:
 
     `u_random` (m,) are the standard uncertainties of the amplitudes from the noise around each line in the spectrum of
     the residuals: the noise need not be white. `u_periodic` is that of each of them from period-synchronous errors,
-    such as those of an encoder sampled at few different phases; `u_counting` (m,) are those from the quantisation of a
-    counted or rounded output, which are not in `u_random`, and `u_across_counting` (m,) the same at right angles to the
-    phasors. `kept` (n,) masks the samples that were used.
+    such as those of an encoder sampled at few different phases; `u_counting` (m,) are those from the quantisation of
+    the samples, which are not in `u_random`, and `u_across_counting` (m,) the same at right angles to the phasors.
+    `few_phases` is true if errors that repeat are more of the amplitude's than all noise. `kept` (n,) masks the samples
+    that were used.
     """
 
     frequency_hz: float
     phasors: Phasors
     u_random: Array
     u_periodic: float
+    few_phases: bool
     u_counting: Array
     u_across_counting: Array
     kept: NDArray[np.bool_]
@@ -58,13 +60,16 @@ class SineFit:
 
     @property
     def u(self) -> Array:
-        """Standard uncertainties (m,) of the amplitudes of independent readings."""
-        return np.hypot(np.hypot(self.u_random, self.u_periodic), self.u_counting)
+        """Standard uncertainties (m,) of the amplitudes of independent readings.
+
+        The errors that repeat in every period contain those of quantisation, as far as these repeat.
+        """
+        return np.hypot(self.u_random, np.maximum(self.u_periodic, self.u_counting))
 
     @property
     def u_across(self) -> Array:
         """The same (m,) at right angles to the phasors: divided by an amplitude it is that of the phase, in rad."""
-        return np.hypot(np.hypot(self.u_random, self.u_periodic), self.u_across_counting)
+        return np.hypot(self.u_random, np.maximum(self.u_periodic, self.u_across_counting))
 
 
 def fit_sine(
@@ -77,11 +82,12 @@ def fit_sine(
     step: float = 0.0,
     behind: Array | None = None,
     rounding: float = 0.0,
+    resolution: float = 0.0,
 ) -> SineFit:
     """Fit a sine of known frequency, and its harmonics up to `harmonics`, to samples (n,) by increasing time.
 
     `step` is the resolution of counted samples; `behind` (n,) the lag from converter hysteresis that was removed from
-    them. `rounding` is the quantisation step of codes.
+    them. `rounding` is the quantisation step of codes, `resolution` that of an angle, whose middle stays where it is.
 
     Outliers are left out; `excessive` is true if they were too many. Raises NotDetermined if the samples do not
     separate the columns: a small part of a period, or a harmonic with hardly two samples in its period.
@@ -93,7 +99,7 @@ def fit_sine(
     kept, fit = gated.kept, gated.fit
     lines_hz: Array = frequency_hz * np.arange(1.0, harmonics + 1)
     fitted = design[kept] @ fit.coefficients + slowly(fit.residuals, time_s[kept], 1 / frequency_hz)
-    errors = _errors_of_steps(fitted, step, None if behind is None else behind[kept])
+    errors = _errors_of_steps(fitted, step or resolution, None if behind is None else behind[kept])
     moved = errors @ fit.gain.T
     of_counting = (errors - moved @ design[kept].T)[A_FEW]  # enough for the mean of many lines
     noise, counted = (
@@ -102,11 +108,16 @@ def fit_sine(
     pairs = fit.coefficients[2:].reshape(-1, 2)
     along, across = along_and_across(pairs, moved[:, 2:].reshape(-1, harmonics, 2))
     hidden = hidden_from_a_swing(np.linalg.norm(pairs, axis=1), fit.residual_sd, rounding)
+    phase = _phases(time_s[kept], frequency_hz)
+    if _are_few(phase):
+        along, across = (np.maximum(each, _u_few(phase, resolution)) for each in (along, across))
+    u_periodic = _u_periodic(phase, fit.residuals)
     return SineFit(
         frequency_hz=frequency_hz,
         phasors=pairs[:, 0] - 1j * pairs[:, 1],
         u_random=_u_amplitudes(fit, np.sqrt(np.maximum(noise - counted, 0.0))),
-        u_periodic=_u_periodic(time_s[kept], fit.residuals, frequency_hz),
+        u_periodic=u_periodic,
+        few_phases=bool(u_periodic > _u_amplitudes(fit, np.sqrt(noise))[0]),
         u_counting=np.hypot(hidden, along),
         u_across_counting=np.hypot(hidden, across),
         kept=kept,
@@ -252,16 +263,34 @@ def _power_at(line_hz: float, around_hz: Array, power: Array) -> float:
     return float(np.sum(parts))
 
 
-def _u_periodic(time_s: Array, residuals: Array, frequency_hz: float) -> float:
+def _phases(time_s: Array, frequency_hz: float) -> Array:
+    """Bins of phase of samples (n,)."""
+    return np.asarray(np.round(PHASE_BINS * (frequency_hz * (time_s - time_s[0]) % 1)) % PHASE_BINS)
+
+
+def _are_few(phase: Array) -> bool:
+    """True if samples (n,) repeat a few phases, and with them the errors of a resolution."""
+    return len(np.unique(phase)) <= min(MANY_PHASES, len(phase) / 2)
+
+
+def _u_few(phase: Array, resolution: float) -> float:
+    """Standard uncertainty of an amplitude from independent errors of a resolution at few phases (n,).
+
+    Of a swing about the middle or the edge of a step those of opposite angles are opposite, and half of them
+    independent.
+    """
+    return float(resolution / np.sqrt(12) * np.sqrt(2 / (len(np.unique(phase)) / 2)))
+
+
+def _u_periodic(phase: Array, residuals: Array) -> float:
     """Standard uncertainty of an amplitude from errors that repeat in the residuals of every period.
 
     It is the scatter of means at equal phase beyond that of means of random errors; three of their degrees of freedom
     are used by the fit. Unknown (infinite) with three different phases or fewer, taken as 0 if there are many.
     """
-    phase = np.round(PHASE_BINS * (frequency_hz * (time_s - time_s[0]) % 1)) % PHASE_BINS
-    _, which, count = np.unique(phase, return_inverse=True, return_counts=True)
-    if len(count) > min(MANY_PHASES, len(residuals) / 2):
+    if not _are_few(phase):
         return 0.0
+    _, which, count = np.unique(phase, return_inverse=True, return_counts=True)
     if len(count) <= 3:
         return np.inf
     means = np.bincount(which, residuals) / count

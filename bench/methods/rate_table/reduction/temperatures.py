@@ -16,6 +16,7 @@ from bench.metrology.least_squares import Array, least_squares
 from bench.metrology.pooled_scatter import Scatter, alike, pooled
 
 LEAST_MEANS = 4  # two more than a line needs
+SIGNIFICANCE = 3.0  # of a change, in standard uncertainties
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,19 @@ def temperatures_c(at_s: Sequence[float], means: Sequence[MeanTemperature], drif
     off_line = 0.0 if by_both is not None else beyond_error(fit.residual_sd, of_one_reading.sd)
     left_c = value_c - line @ fit.coefficients
     return np.where(known, middle_c + kept * change_c * since + off_line * left_c, np.nan)
+
+
+def warmed_c(at_s: Sequence[float], means: Sequence[MeanTemperature], drift_c: Array) -> float:
+    """Change of a straight line through means; 0 if it is within its errors, or if there are too few means."""
+    value_c, time_s = np.array([each.value_c for each in means]), np.array(at_s)
+    known = np.isfinite(value_c)
+    if np.count_nonzero(known) < LEAST_MEANS or not np.ptp(time_s[known]):
+        return 0.0
+    since = (time_s[known] - time_s[known].mean()) / np.ptp(time_s[known])
+    fit = least_squares(np.column_stack([np.ones_like(since), since]), value_c[known])
+    u_c = np.hypot(fit.residual_sd * np.sqrt(fit.unscaled_covariance[1, 1]), np.ptp(drift_c[known]))
+    change_c = abs(float(fit.coefficients[1]))
+    return change_c if change_c > SIGNIFICANCE * u_c else 0.0
 
 
 def beyond_error(value: float, u: float) -> float:

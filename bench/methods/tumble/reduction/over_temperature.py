@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
 
 from bench.methods.tumble.reduction.dwells import Dwell
+from bench.methods.tumble.reduction.solution import Hysteresis
 from bench.methods.tumble.reduction.temperature_models import TemperatureModels
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.extremes import interval_of_largest
@@ -47,13 +48,7 @@ class TumbleOverTemperature:
         yield self._coefficient(quantity, line, per_c, relative)
         yield from self._about_reference(quantity, model, per_c)
         if loop is not None:
-            dwells = (self.of.dwells[loop.rising], self.of.dwells[loop.falling])
-            name = "largest difference between rising and falling temperature"
-            own, drifted = self.of.own_u(quantity)[loop.pairs], self.of.drifted(per_c)
-            apart = drifted[loop.pairs[:, 0]] - drifted[loop.pairs[:, 1]]
-            interval = interval_of_largest(loop.differences, np.hypot(np.hypot(*own.T), apart)).times(relative)
-            by_drift = float(drifted[loop.rising] - drifted[loop.falling])
-            yield self._of_dwells(f"{quantity}/hysteresis", name, loop.value, abs(relative), dwells, by_drift, interval)
+            yield from self._loop(quantity, loop, self.of.drifted(per_c), relative)
         worst = int(np.argmax(np.abs(model.residuals)))
         name = f"largest residual of the model of degree {model.degree}"
         left = fit_polynomial(self.of.temperatures_c, self.of.drifted(per_c), model.degree).residuals
@@ -62,6 +57,28 @@ class TumbleOverTemperature:
             f"{quantity}/model_residual", name, model.max_residual, abs(relative), (self.of.dwells[worst],),
             float(left[worst]), interval,
         )  # fmt: skip
+
+    def _loop(self, quantity: str, loop: Hysteresis, drifted: Array, relative: float) -> Iterator[Finding]:
+        """Largest difference between rising and falling temperature, then that of each two dwells with its sign.
+
+        `drifted` (n,) is the effect of the drift of the thermometer on the quantity at the dwells.
+        """
+        own, apart = self.of.own_u(quantity)[loop.pairs], drifted[loop.pairs[:, 0]] - drifted[loop.pairs[:, 1]]
+        interval = interval_of_largest(loop.differences, np.hypot(np.hypot(*own.T), apart)).times(relative)
+        yield self._of_dwells(
+            f"{quantity}/hysteresis", "largest difference between rising and falling temperature", loop.value,
+            abs(relative), (self.of.dwells[loop.rising], self.of.dwells[loop.falling]),
+            float(drifted[loop.rising] - drifted[loop.falling]), interval,
+        )  # fmt: skip
+        pairs = [(self.of.dwells[up], self.of.dwells[down]) for up, down in loop.pairs.tolist()]
+        in_order = sorted(range(len(pairs)), key=lambda index: (pairs[index][0].cycle, pairs[index][0].set_c))
+        for number, index in enumerate(in_order):
+            up, down = pairs[index]
+            found = self._of_dwells(
+                f"{quantity}/loop", "rising less falling temperature", float(loop.differences[index]), relative,
+                (up, down), float(apart[index]),
+            )  # fmt: skip
+            yield replace(found, id=f"{found.id}/{number}", at={"point": number, "cycle": up.cycle, **found.at})
 
     def tilt(self) -> Iterator[Finding]:
         """Tilt error of the unit due to its bias, with a constant and with the model of K0."""

@@ -209,7 +209,7 @@ def turn_between_deg(start_deg: float, end_deg: Array) -> Array:
 class Hysteresis:
     """Largest |rising - falling|, in the unit of the values, at the set point `set_c`, and the two dwells.
 
-    `differences` (m,) are all of them, of the dwells in the rows of `pairs` (m, 2).
+    `differences` (m,) are all of them with their sign, of the dwells in the rows of `pairs` (m, 2).
     """
 
     value: float
@@ -243,7 +243,7 @@ def hysteresis(
         return None
     up, down = pairs.T
     expected = slope((temperature_c[up] + temperature_c[down]) / 2) * (temperature_c[up] - temperature_c[down])
-    difference = np.abs(value[up] - value[down] - expected)
-    largest = int(np.argmax(difference))
+    difference = value[up] - value[down] - expected
+    largest = int(np.argmax(np.abs(difference)))
     i, j = int(up[largest]), int(down[largest])
-    return Hysteresis(float(difference[largest]), float(set_c[i]), i, j, difference, pairs)
+    return Hysteresis(float(np.abs(difference[largest])), float(set_c[i]), i, j, difference, pairs)

@@ -10,56 +10,62 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from bench.methods.tumble.reduction.constants import TumbleConstants
 from bench.methods.tumble.reduction.dwells import solve_dwells
+from bench.methods.tumble.reduction.pair import Verified, tilt_in_tumble
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.extremes import interval_of_largest
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import ReleasedCalibration, RunData, UnitUnderTest
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.tilt import TiltAxis, tilt_of_one
 from bench.metrology.tilt_findings import TiltOrigin, span_finding
+from bench.metrology.tilt_pair import with_pair
 
 STEP_C = 0.5  # finite difference of a temperature
 NAMES = {"K0": "bias that the calibration leaves", "K1": "scale factor that it leaves, relative"}
 
 
 def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
-    """Reduce a run to what the released calibration of every unit leaves at each dwell."""
-    return [_reduced(data, unit, settings) for unit in data.units]
+    """Reduce a run to what the released calibration of every unit leaves at each dwell.
+
+    Results of a pair that measures a tilt together are among those of its first unit.
+    """
+    reduced = [_reduced(data, unit, settings) for unit in data.units]
+    places = {unit.place: (unit, of) for unit, (_, of) in zip(data.units, reduced, strict=True)}
+    results = [result for result, _ in reduced]
+    for pair in data.bench.tilt_pairs:
+        results = [
+            with_pair(result, pair, places, partial(tilt_in_tumble, data, pair))
+            if result.place == pair.along
+            else result
+            for result in results
+        ]
+    return results
 
 
-def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> UnitResult:
+def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> tuple[UnitResult, Verified | None]:
     solved = solve_dwells(data, unit)
-    known = None if unit.released is None else _own_channel(unit.released, unit)
+    known = None if unit.released is None else unit.released.of_output(unit.output_unit)
     if unit.released is None or known is None:
-        return UnitResult(unit.place, unit.serial, (), (), ("calibration",), (Flag("not_given", of="calibration"),))
+        flags = (Flag("not_given", of="calibration"),)
+        return UnitResult(unit.place, unit.serial, (), (), ("calibration",), flags), None
     of = TumbleUnit.of(data, unit, solved.dwells)
-    left = Left(of, known, _local_g(unit.released, data), solved.extra, settings["scale_per_c_u"])
-    flags = list(solved.flags)
-    flags += [Flag("calibration:extrapolated")] if solved.dwells and left.is_extrapolated else []
-    return UnitResult(
+    left = Left(of, known, unit.released.local_g(data.bench.gravity_mps2), solved.extra, settings["scale_per_c_u"])
+    extrapolated = bool(solved.dwells) and left.is_extrapolated
+    result = UnitResult(
         place=unit.place, uut=unit.serial, findings=tuple(left.findings()) if solved.dwells else (), models=(),
-        left_out=solved.left_out, flags=tuple(dict.fromkeys(flags)),
+        left_out=solved.left_out,
+        flags=tuple(dict.fromkeys((*solved.flags, *((Flag("calibration:extrapolated"),) if extrapolated else ())))),
     )  # fmt: skip
-
-
-def _own_channel(released: ReleasedCalibration, unit: UnitUnderTest) -> Compensation | None:
-    """Conversion of the output of a unit with one channel, wherever it was calibrated; None for another output."""
-    found = [each for each in released.channels.values() if each.output_unit == unit.output_unit]
-    return found[0] if len(found) == 1 and found[0].value_unit == "g" else None
-
-
-def _local_g(released: ReleasedCalibration, data: RunData) -> float:
-    """Local gravity in the g of the calibration."""
-    stated = released.gravity_mps2
-    return data.bench.gravity_mps2 / stated if np.isfinite(stated) and stated else 1.0
+    return result, (of, known) if solved.dwells else None
 
 
 @dataclass(frozen=True)

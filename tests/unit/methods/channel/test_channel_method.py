@@ -19,11 +19,12 @@ from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.gate_scatter import line_scatter
 from bench.metrology.gates import Gates
 from bench.metrology.least_squares import NotDetermined
+from bench.metrology.motion_records import CountRecord
 from bench.metrology.results.curves import Equation
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.limits import Limits
 from bench.metrology.run_data import RunData, UnitUnderTest
-from bench.metrology.velocity import CountRecord, specific_forces
+from bench.metrology.velocity import specific_forces
 from bench.report.flag_words import flag_in_words
 from tests.support.flags import flag_of, texts
 

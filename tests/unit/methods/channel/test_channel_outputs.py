@@ -11,7 +11,9 @@ from bench.methods.channel.method import CHANNEL_TEMPERATURE
 from bench.methods.channel.reduction.run import reduce
 from bench.metrology.acquisition import Acquisition, Codes, Mount, Voltages
 from bench.metrology.bench_uncertainty import BenchRecord, SourceRecord
+from bench.metrology.motion_records import SampleRecord
 from bench.metrology.run_data import RunData, UnitUnderTest
+from bench.metrology.velocity import specific_forces
 from tests.support.flags import texts
 
 LOW_C, HIGH_C, RAMP_S, POINT_S = 10.0, 40.0, 4000.0, 600.0
@@ -96,8 +98,30 @@ def test_each_level_has_its_line_in_the_unit_of_the_output(unit):
     assert {each.level.name: each.comparison.decision for each in result.detail.compared} == {
         "src_1g": "share", "src_12g": "share",
     }  # fmt: skip
-    assert {(each.output_unit, each.value_unit) for each in result.compensations} == {(of, of)}
+    assert {(each.output_unit, each.value_unit) for each in result.compensations} == {(of, of), (of, "g")}
     assert texts(result.flags) == result.left_out == ()
+
+
+@pytest.mark.parametrize(
+    ("unit", "averaged", "sampled"),
+    [(VOLTS, True, ("instant", 0.0)), (CODES, True, ("mean", 1.0)), (CODES, False, ("instant", 1.0))],
+)
+@pytest.mark.parametrize("level_g", [-0.5, 0.3, 6.0])
+def test_an_output_at_any_level_and_temperature_is_a_specific_force(unit, averaged, sampled, level_g):
+    acquisitions = [
+        replace(each, codes={name: replace(sent, averaged=averaged) for name, sent in each.codes.items()})
+        for each in made(unit)
+    ]
+    zero_g = output(unit, 0.0, 25.0) / PER_G[unit.output_unit]
+    result = reduced(unit, acquisitions, bias_g=zero_g, quadratic_g_per_g2=0.0)
+    (known,) = (each for each in result.compensations if each.value_unit == "g")
+    assert (known.force.sample, known.force.step) == sampled
+    assert known.scale.unit == f"{unit.output_unit}/g"
+    time_s = np.arange(3.0)
+    sent = np.full(3, output(unit, level_g, 40.0))
+    record = SampleRecord(time_s, np.full(3, 40.0), {known.channel: sent}, averaged=averaged)
+    force = specific_forces(record, {known.channel: known})[known.channel]
+    assert force.force_g == pytest.approx(np.full(2, level_g), abs=2e-5)
 
 
 @pytest.mark.parametrize("unit", [VOLTS, CODES], ids=["volts", "codes"])

@@ -131,6 +131,15 @@ def test_the_units_own_thermometer_tells_the_temperature():
     assert wrong.value == pytest.approx(5 * SLOPE_G_PER_C, abs=3e-6)
 
 
+def test_a_calibration_over_another_thermometer_is_told():
+    known = {**CHANNELS, "acc_y": dataclasses.replace(CHANNELS["acc_y"], thermometer="ay_temperature")}
+    own = dataclasses.replace(CHANNELS["acc_x"], thermometer="t")  # that of the run
+    unit = dataclasses.replace(SUPPLIED, released=ReleasedCalibration({**known, "acc_x": own}, 9.8))
+    (found,) = reduce(RunData("imu", (unit,), tuple(watched()), record(BENCH)), SETTINGS)
+    told = [flag for flag in texts(found.flags) if "calibrated over" in flag]
+    assert told == ["acc_y is calibrated over ay_temperature; here its temperature is that of t"]
+
+
 def test_gravity_of_another_place_is_no_error_of_the_scale_factor():
     elsewhere = dataclasses.replace(record(BENCH), gravity_mps2=9.8 * (1 + 1e-3), gravity_u_mps2=1e-4)
     found = found_of(watched(gravity=1 + 1e-3), bench=elsewhere)["x/K1/warm"]

@@ -107,11 +107,13 @@ def test_every_finding_but_a_count_has_a_budget(good):
 
 
 def test_models_are_the_line_of_the_bias_and_the_scale_factor(good):
-    line, scale = good.models
+    line, scale, dynamic = good.models
     assert (line.quantity, len(line.coefficients), line.dwells_used) == ("K0", 2, 4)
     assert line.powers_of_t[0] == pytest.approx(8e-4 + MISALIGNMENT - 12e-6 * 20, abs=8e-6)
     assert (scale.quantity, scale.dwells_used) == ("K1", 4)
     assert scale.coefficients[0] == pytest.approx(K1 * (1 + K1_SLOPE * 15), rel=4e-4), "but for the misalignment"
+    assert (dynamic.quantity, dynamic.form) == ("K0/dynamic", "K0 = B0 + B1 T + Bd dT/dt")
+    assert dynamic.constants["B1"].value == pytest.approx(12e-6, rel=2e-3)
 
 
 def loop(temperature_c, cycle, rising):

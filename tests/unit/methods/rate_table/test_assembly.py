@@ -10,7 +10,7 @@ import pytest
 from bench.methods.rate_table.method import ACCELEROMETER_RESPONSE, GYRO_RANGE, GYRO_RESPONSE
 from bench.methods.rate_table.reduction import response
 from bench.methods.rate_table.reduction.range import reduce_gyro as reduce_range
-from bench.metrology.acquisition import Mount
+from bench.metrology.acquisition import Codes, Mount
 from bench.metrology.run_data import UnitUnderTest
 from bench.report.flag_words import flag_in_words
 from tests.support.flags import texts
@@ -128,6 +128,95 @@ def test_the_range_of_a_gyro_is_found_at_rest_and_at_rates():
     assert errors == pytest.approx([1e-3, -1e-3, 1e-3, -1e-3], abs=2e-5)
     (known,) = found.compensations
     assert known.channel == "gyro_z"
+
+
+# Samples
+
+SENDS = replace(UNIT, channel_units=dict.fromkeys(NAMES, "code"))
+
+
+def as_sent(acquisition, latched="acc_x", averaged=True, late=0):
+    """The same with samples, each the mean over the time before it, in place of the counts; the encoder may be late."""
+    (encoder,) = acquisition.positions.values()
+    codes = {}
+    for name, counts in acquisition.counts.items():
+        pulses = np.diff((counts.positive - counts.negative) % 2**24)
+        steps_s = np.diff(counts.tick) % 2**counts.tick_bits * counts.tick_period_s
+        rate = ((pulses + 2**23) % 2**24 - 2**23) / steps_s
+        codes[name] = Codes(
+            sequence=counts.sequence[1:], tick=counts.tick[1:], values=rate, host_s=counts.host_s[1:],
+            tick_bits=counts.tick_bits, tick_period_s=counts.tick_period_s, step=1.0, lost=0, dropped=0, invalid=0,
+            averaged=averaged,
+        )  # fmt: skip
+    rows = slice(1 + late, None)
+    size = len(encoder.position) - 1 - late
+    encoder = replace(
+        encoder, sequence=encoder.sequence[1 : 1 + size], tick=encoder.tick[1 : 1 + size],
+        position=encoder.position[rows], host_s=encoder.host_s[1 : 1 + size], channel=latched,
+    )  # fmt: skip
+    return replace(acquisition, counts={}, codes=codes, positions={"table": encoder})
+
+
+def of_codes(reduce, method, *acquisitions, unit=SENDS, **settings):
+    upright = replace(BENCH, axes={"table": replace(BENCH.axes["table"], points=(0.0, 0.0, 1.0))})
+    chosen = method.settings.model_validate(settings).model_dump()
+    (found,) = reduce(data(*acquisitions, unit=unit, bench=upright), chosen)
+    return found
+
+
+LEVEL = (response.reduce_accelerometer, ACCELEROMETER_RESPONSE)
+PER_G_SENT = {"scale": f"{PER_G} code/g", "lever_frequency": "1 Hz"}
+
+
+@pytest.mark.parametrize("latched", ["acc_x", "gyro_y"])
+def test_sensors_that_send_samples_share_the_encoder_latched_with_one_of_them(latched):
+    swings = [as_sent(each, latched) for each in (swing(1.0, 100.0), swing())]
+    of_gyro = of_codes(response.reduce_gyro, GYRO_RESPONSE, *swings, scale=f"{PER_DEG} code/(°/s)",
+                       lever_frequency="1 Hz")  # fmt: skip
+    of_level = of_codes(*LEVEL, *swings, **PER_G_SENT)
+    assert sensors_of(of_gyro) == [("z_up", "gyro_z")]
+    assert sensors_of(of_level) == [("z_up", "acc_x"), ("z_up", "acc_y")]
+    assert texts(of_gyro.flags + of_level.flags) == ("bandwidth_not_reached",) * 2
+    found = {each.id: each for each in of_gyro.findings + of_level.findings}
+    for sensor in ("gyro_z", "acc_x", "acc_y"):
+        gain, phase = (found[f"range/a/z_up/{sensor}/{name}@0"] for name in ("gain", "phase"))
+        assert abs(gain.value - 1) < max(3 * gain.u, 2e-3)
+        assert abs(phase.value) < 3 * phase.u
+    for sensor, arms_m in ARMS_M.items():
+        for axis, arm_m in zip("xy", arms_m, strict=True):
+            assert found[f"range/a/z_up/{sensor}/lever_arm/{axis}"].value == pytest.approx(arm_m, abs=1e-3)
+
+
+def test_an_encoder_that_is_a_sample_late_is_a_phase_error_of_many_u():
+    """1.024 ms at 20.37 Hz: 7.5°."""
+    late = of_codes(*LEVEL, as_sent(swing(1.0, 100.0), late=1), as_sent(swing(), late=1), **PER_G_SENT)
+    phases = [each for each in late.findings if each.quantity == "phase"]
+    assert len(phases) == 2
+    assert all(abs(each.value) > 10 * each.u for each in phases)
+    assert [round(abs(each.value), 1) for each in phases] == [7.5, 7.5]
+
+
+def test_samples_of_exchanged_accelerometers_are_noticed_by_their_arms():
+    exchanged = replace(SENDS, channels=CHANNELS | {"acc_x": "acc_y", "acc_y": "acc_x"})
+    swings = [as_sent(swing(1.0, 100.0)), as_sent(swing())]
+    found = of_codes(*LEVEL, *swings, unit=exchanged, **PER_G_SENT)
+    assert "lever_arm_unlike_bench_file" in str(texts(found.flags))
+    right = of_codes(*LEVEL, *swings, **PER_G_SENT)
+    assert "lever_arm_unlike_bench_file" not in str(texts(right.flags))
+
+
+def test_samples_in_another_mounting_than_said_are_noticed():
+    found = of_codes(*LEVEL, as_sent(swing(1.0, 100.0, mount=Y_UP)), as_sent(swing(mount=Y_UP)), **PER_G_SENT)
+    assert "mounting_unlike_sequence" in str(texts(found.flags))
+    assert found.verdict == "INCOMPLETE"
+
+
+def test_samples_of_another_swing_than_the_encoder_are_no_result():
+    slow, one = as_sent(swing(1.0, 100.0)), as_sent(swing())
+    wrong = {name: replace(each, tick=each.tick + 7) for name, each in one.codes.items() if name == "acc_y"}
+    found = of_codes(*LEVEL, slow, replace(one, codes=one.codes | wrong), **PER_G_SENT)
+    assert "not_one_swing" in str(texts(found.flags))
+    assert found.verdict == "INCOMPLETE"
 
 
 # What must be noticed

@@ -86,6 +86,18 @@ def test_the_play_of_a_converter_is_taken_out_of_its_counts():
     assert np.mean(ratios(gyro(few, scale=f"{PER_DEG / 8} pulse/°", play="0 pulse"))) < -3
 
 
+def test_windows_of_too_few_pulses_are_left_out_and_the_others_hold():
+    """From 8 pulses down to 1: the play is a large part, and the same steps repeat from period to period."""
+    few = swept(PER_DEG / 50 * filtered(angle_deg()))
+    unit = gyro(few, scale=f"{PER_DEG / 50} pulse/°")
+    found = [each.at["frequency_hz"] for each in unit.findings if each.quantity == "gain"]
+    left_hz = [float(str(flag).partition(" Hz few_pulses")[0]) for flag in unit.flags]
+    assert unit.left_out == tuple(f"{hz:g} Hz" for hz in left_hz)
+    assert min(left_hz) > max(found) > 40
+    assert unit.verdict == "INCOMPLETE"
+    assert np.max(np.abs(ratios(unit))) < 3.5
+
+
 @pytest.mark.parametrize("averaged", [True, False])
 def test_samples_that_a_unit_sends_may_be_means_or_instants(averaged):
     rate = filtered(np.gradient(angle_deg(), FINE_S))

@@ -17,7 +17,7 @@ from bench.methods.rate_table.reduction.temperatures import MeanTemperature, tem
 from bench.metrology.bench_uncertainty import Drift
 from bench.metrology.results.flag import Flag
 from bench.report.flag_words import flag_in_words
-from tests.support.flags import texts
+from tests.support.flags import flag_of, texts
 from tests.support.table_runs import BENCH, UNIT, at_rate, at_rest, data
 
 GYRO = {"scale": "100 pulse/°", "full_scale": "400 °/s", "clip": "420 °/s"}
@@ -277,6 +277,22 @@ def test_a_temperature_that_goes_up_evenly_is_seen_through_the_noise_of_the_ther
     expected = line_of(noiseless, "nonlinearity/cubic", OTHERWISE_WARM)
     assert expected > 5e-6
     assert line_of(unit, "nonlinearity/cubic", OTHERWISE_WARM) == pytest.approx(expected, rel=0.05)
+
+
+def test_errors_name_their_temperature_and_a_gyro_that_warms_up_is_told():
+    """0.4 °C are 25 ppm of the scale factor, and an error is known to less."""
+    warming = gyro(*noisy_thermometer(*REST, *STEADY, rate_c_per_s=1e-3))
+    flag = flag_of(warming.flags, "warming_up")
+    assert float(flag.values["ppm"]) == pytest.approx(11 * 60 * 1e-3 * 60, rel=0.1)
+    assert "Let the unit warm up for longer" in flag_in_words(flag)
+    at_c = [found.at["at_c"] for found in warming.findings if found.quantity == "rate_error"]
+    assert np.ptp(at_c) == pytest.approx(7 * 60 * 1e-3, rel=0.1)
+    assert gyro(*noisy_thermometer(*REST, *STEADY)).flags == ()
+    drifting = replace(BENCH, thermometer_drifts={"warm": Drift(0.3)})
+    settings = GYRO_RANGE.settings.model_validate(GYRO).model_dump()
+    warming = noisy_thermometer(*REST, *STEADY, rate_c_per_s=1e-3)
+    assert reduce_gyro(data(*warming, bench=drifting), settings)[0].flags == ()
+    assert gyro(*(replace(each, temperatures_c={"warm": np.full(2, np.nan)}) for each in (*REST, *STEADY))).flags == ()
 
 
 def test_temperatures_that_scatter_more_than_the_readings_of_each_are_those_of_the_points():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def gyro_at(frequency_hz, dynamics=SLOW, amplitude_dps=20.0, **reported):
     return swinging(frequency_hz, charge, amplitude_dps, **reported)
 
 
-def accelerometer_at(frequency_hz, amplitude_dps, arms_m=ARMS_M):
+def accelerometer_at(frequency_hz, amplitude_dps, arms_m=ARMS_M, drift=50.0):
     """The velocity that an input axis along X senses, in pulses; the rate is A cos of the phase."""
     x_m, y_m = arms_m
     once, twice = SLOW.response(np.array([frequency_hz, 2 * frequency_hz]))
@@ -40,7 +41,7 @@ def accelerometer_at(frequency_hz, amplitude_dps, arms_m=ARMS_M):
     def charge(phase, time_s):
         tangential = -y_m * a_rps * np.real(once * np.exp(1j * phase))
         centripetal = -x_m * a_rps**2 / 2 * (time_s + np.imag(twice * np.exp(2j * phase)) / (2 * omega))
-        return per_mps * (tangential + centripetal) + 50 * time_s
+        return per_mps * (tangential + centripetal) + drift * time_s
 
     return swinging(frequency_hz, charge, amplitude_dps)
 
@@ -148,6 +149,60 @@ def test_frequencies_that_tell_nothing_are_left_out_and_told():
     assert len(values(unit, "gain")) == len(SWEEP_HZ)
     assert "less than half of the amplitude" in flag_in_words(flag_of(unit.flags, "50.37 Hz droop"))
     assert texts(gyro(at_rest(1.0)).flags) == ("steps/n=0/acquire: not_swinging", "no_response")
+
+
+def test_a_swing_of_too_few_pulses_is_left_out_with_what_to_do():
+    few = accelerometer_at(60.37, 0.3)  # of 2.1 pulses, which the converter counts as a few tenths
+    unit = accelerometer(accelerometer_at(1.0, 100.0), *(accelerometer_at(hz, 40.0) for hz in SWEEP_HZ[:-1]), few)
+    (flag,) = unit.flags
+    assert str(flag) == "60.37 Hz few_pulses"
+    assert "larger peak rate" in flag_in_words(flag)
+    assert (unit.left_out, unit.verdict) == (("60.37 Hz",), "INCOMPLETE")
+    assert len(values(unit, "gain")) == len(SWEEP_HZ) - 1
+    assert values(unit, "bandwidth") == pytest.approx([40.0], abs=0.1)
+    of_a_gyro = gyro(*(gyro_at(hz) for hz in SWEEP_HZ), gyro_at(25.37, amplitude_dps=0.03))
+    assert texts(of_a_gyro.flags) == ("25.37 Hz few_pulses",)
+    again = gyro_at(10.37, amplitude_dps=0.03), *map(gyro_at, SWEEP_HZ)
+    assert gyro(*again).flags == ()  # the last one counts
+
+
+def test_a_bandwidth_is_not_said_to_be_above_frequencies_that_are_left_out():
+    """The response falls, and with it the pulses: the last one with enough of them is no end of the sweep."""
+    small = [gyro_at(hz, amplitude_dps=0.1 * hz / 10.37) for hz in SWEEP_HZ[:2]]
+    unit = gyro(*small, *(gyro_at(hz, amplitude_dps=0.0013 * hz) for hz in SWEEP_HZ[2:]))
+    assert values(unit, "bandwidth") == []
+    flag = flag_of(unit.flags, "bandwidth_left_out")
+    assert "up to 20.37 Hz" in flag_in_words(flag)
+    assert "bandwidth_not_reached" not in texts(unit.flags)
+    drooped = gyro(*map(gyro_at, SWEEP_HZ[:3]), gyro_at(50.37, amplitude_dps=8.0))
+    assert texts(drooped.flags) == ("50.37 Hz droop", "bandwidth_left_out")
+    lower = gyro(gyro_at(10.37, amplitude_dps=0.01), *map(gyro_at, SWEEP_HZ[1:3]))
+    assert texts(lower.flags) == ("10.37 Hz few_pulses", "bandwidth_not_reached")
+
+
+def test_arms_of_too_few_pulses_are_no_arms():
+    unit = accelerometer(accelerometer_at(1.0, 0.1, drift=2.0), *(accelerometer_at(hz, 40.0) for hz in SWEEP_HZ))
+    assert texts(unit.flags) == ("1 Hz few_pulses", "no_response")
+    assert (unit.findings, unit.left_out) == ((), ("1 Hz", "response"))
+
+
+@pytest.mark.parametrize("play", ["0 pulse", "1 pulse"])
+def test_a_dead_output_has_no_gain(play):
+    dead = replace(gyro_at(25.37), counts=at_rest(0.0).counts)
+    assert texts(gyro(*map(gyro_at, SWEEP_HZ), dead, play=play).flags) == ("25.37 Hz few_pulses",)
+
+
+@pytest.mark.parametrize("frequency_hz", [100.0, 50.0, 44.0, 59.0, 71.0, 44.37])
+def test_what_the_encoder_leaves_at_phases_that_repeat_is_in_the_uncertainty(frequency_hz):
+    """An ideal sensor on an ideal encoder: errors at whole frequencies are those of its resolution alone."""
+    ideal, ratios = Mock(response=np.ones_like), []
+    for amplitude_dps in np.linspace(3.0, 3.2, 12):
+        unit = gyro(gyro_at(frequency_hz, ideal, amplitude_dps))
+        (gain,) = (found for found in unit.findings if found.quantity == "gain")
+        own = np.linalg.norm([line.u for line in gain.budget if line.type == "A"])
+        ratios.append((gain.value - 1) / own)
+    assert np.max(np.abs(ratios)) < 3.5
+    assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
 def test_samples_that_see_few_phases_and_a_table_off_its_frequency_are_told():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bench.methods.rate_table.reduction.bias_at_rest import RestReading, fit_rest
+from bench.methods.rate_table.reduction.converter_hysteresis import too_few_pulses, without_hysteresis
 from bench.methods.rate_table.reduction.intake import table_samples
-from bench.methods.rate_table.reduction.response import without_hysteresis
 from bench.methods.rate_table.reduction.samples import harmonics_u_dps, steady
 from bench.methods.rate_table.reduction.sine_fit import fit_sine
 from bench.metrology.acquisition import Motion
@@ -239,3 +239,32 @@ def test_of_a_swing_of_few_pulses_the_uncertainty_holds_what_is_off(amplitude, f
 def test_without_play_or_without_reversals_nothing_changes(amplitude, drift, play):
     samples, _ = swung(amplitude, 30.37, drift=drift)
     assert without_hysteresis(samples, 30.37, play).total.tolist() == samples.total.tolist()
+
+
+@pytest.mark.lengthy
+def test_of_a_stroke_of_too_few_pulses_nothing_is_right_and_of_more_everything():
+    """Below 1.8 pulses the counts move by less than the play, and the fit finds a half of what there is."""
+    rng = np.random.default_rng(5)
+    of_few, of_enough = [], []
+    for amplitude in np.concatenate([rng.uniform(0.55, 0.8, 12), rng.uniform(1.4, 3.0, 24)]):
+        frequency_hz, drift = rng.uniform(10, 120), rng.uniform(4, 9) * rng.choice([-1, 1])
+        samples, _ = swung(amplitude, frequency_hz, drift=drift)
+        without = without_hysteresis(samples, frequency_hz, 1.0)
+        block = without.swing(1.0)
+        fit = fit_sine(block.time_s, block.output, frequency_hz, step=block.step, behind=block.behind)
+        ratio = (abs(fit.phasors[0]) - amplitude) / fit.u[0]
+        (of_few if too_few_pulses(without.stroke, 1.0) else of_enough).append(ratio)
+    assert (len(of_few), len(of_enough)) == (12, 24)
+    assert np.max(of_few) < -5
+    assert np.max(np.abs(of_enough)) < 4
+    assert 0.5 < np.sqrt(np.mean(np.square(of_enough))) < 1.3
+
+
+def test_a_charge_that_hardly_moves_in_a_period_has_too_few_pulses():
+    constant, _ = swung(0.0, 30.37, drift=0.0)
+    slow, _ = swung(0.2, 30.37, drift=15.0)
+    fast, _ = swung(0.2, 30.37, drift=900.0)
+    strokes = [without_hysteresis(each, 30.37, 1.0).stroke for each in (constant, slow, fast)]
+    assert strokes[0] == 0
+    assert strokes[2] == pytest.approx(900 / 30.37, rel=1e-3)
+    assert [too_few_pulses(stroke, 1.0) for stroke in strokes] == [True, True, False]

@@ -165,6 +165,7 @@ def test_hysteresis_is_the_largest_difference_and_says_where():
     )
     assert found is not None
     assert (found.value, found.set_c, found.rising, found.falling) == (1.5, 10.0, 1, 2)
+    assert found.differences.tolist() == [pytest.approx(-0.4), -1.5], "rising less falling"
 
 
 def test_hysteresis_compares_at_one_temperature():

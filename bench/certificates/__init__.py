@@ -1,0 +1,1 @@
+"""Digital Calibration Certificates (DCC) of the PTB: units, safe reading, signatures."""

@@ -1,0 +1,1 @@
+"""The report of an approved run as a Digital Calibration Certificate."""

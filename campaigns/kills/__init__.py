@@ -1,0 +1,1 @@
+"""Trials that kill workers and commands of campaigns."""
