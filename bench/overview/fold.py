@@ -28,7 +28,7 @@ LONGEST_LEVEL = 160
 VALUE, SET_POINT = ".process_value", ".set_point"  # of a chamber
 NOT_BENCHES = ("commands", "replies")
 STATUS = ("online", "offline")
-OF_BROKER = timedelta(seconds=5)  # between the last wills that a broker publishes when it ends, and its end
+OF_BROKER = timedelta(seconds=2)  # between the last wills that a broker publishes when it ends, and its end
 NEW = timedelta(seconds=10)  # begin of a subscription, in which the broker sends what it has retained
 Entry = TypeVar("Entry", Alarm, Result)
 
