@@ -55,6 +55,7 @@ class Daemon:
         self.settings, self.database, self.workers = settings, database, workers
         self.queue = Queue(database, self._changed)
         self.leases = Leases()
+        self.address = ""  # URL at which others reach the pages; empty while there is none
         self.commands = ThreadPoolExecutor(8, "commands")  # apart from those of readers, who may be many
         self.on_item: list[Callable[[Item], object]] = []
         self.catalogue = Catalogue(settings.runs)

@@ -92,6 +92,7 @@ class Settings(NamedTuple):
     idle: timedelta | None = None
     launch: Launch = "process"
     zones: Mapping[str, str] = MappingProxyType({})  # time zones of the benches
+    recorded: Mapping[str, str] = MappingProxyType({})  # titles of the benches in the records of runs
     alerts: AlertSettings | None = None
     archive: str = ""
 
@@ -170,6 +171,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
         launch=instead.get("launch") or found.launch,
         zones=zones,
+        recorded={name: bench.title for name, bench in loaded.items()},
         alerts=alerts,
         archive=_place(found.archive, beside),
         mqtt=with_files(found.mqtt, beside.absolute()) if found.mqtt is not None else None,

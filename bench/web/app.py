@@ -7,7 +7,7 @@ from importlib.metadata import version
 from math import ceil
 from typing import Any
 
-from fastapi import FastAPI, Request
+from fastapi import APIRouter, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.types import ASGIApp
@@ -41,7 +41,7 @@ from bench.web.origins import LOOPBACK
 from bench.web.pages import problems
 from bench.web.pages.routers import ROUTERS
 from bench.web.patience import TooSoonError
-from bench.web.services import Services
+from bench.web.services import Services, Site
 
 _STATUS: tuple[tuple[type[BenchError], int], ...] = (
     (StaleError, 409), (LeasedError, 409), (InUseError, 409), (InputError, 422),
@@ -54,25 +54,36 @@ def make_app(services: Services, hosts: Iterable[str] = (), *, secure: bool = Fa
     `secure` is True if it is reached by TLS, and requests are written to `log`. Raises RuntimeError if a route lacks a
     scope.
     """
-    app = FastAPI(
-        title="Inertial test bench: station", version=version("inertial-test-bench"), docs_url=None, redoc_url=None,
-        openapi_url=None,
-    )  # fmt: skip
-    app.state.services = services
-    app.state.metrics = Metrics(services.daemon)
-    for each in (
+    routes = [each.router for each in (
         station, queue, preparing, sequences, results, runs, series, signoff, releases, leases, people, alerts, health,
         instruments, manual, description,
-    ):  # fmt: skip
-        app.include_router(each.router)
-    for router in ROUTERS:
+    )]  # fmt: skip
+    app = application("Inertial test bench: station", services, [*routes, *ROUTERS])
+    app.state.metrics = Metrics(services.daemon)
+    return guarded(app, services, hosts, secure=secure, metrics=app.state.metrics, log=log)
+
+
+def application(title: str, site: Site, routers: Iterable[APIRouter]) -> FastAPI:
+    """Return an application with the words of its errors. Raises RuntimeError if a route lacks a scope."""
+    app = FastAPI(
+        title=title, version=version("inertial-test-bench"), docs_url=None, redoc_url=None, openapi_url=None
+    )  # fmt: skip
+    app.state.services = site
+    for router in routers:
         app.include_router(router)
     problems.add_to(app)
     app.add_exception_handler(BenchError, _in_our_words)
     app.add_exception_handler(RequestValidationError, _not_valid)
     expect_scopes(app)
-    guarded = Guards(app, services.identity, LOOPBACK | frozenset(hosts), secure=secure)
-    return Observed(guarded, app.state.metrics, log)
+    return app
+
+
+def guarded(
+    app: ASGIApp, site: Site, hosts: Iterable[str], *, secure: bool, metrics: Metrics | None = None,
+    log: Log | None = None,
+) -> ASGIApp:  # fmt: skip
+    """Return an application behind its guards, for requests to loopback addresses and `hosts`."""
+    return Observed(Guards(app, site.identity, LOOPBACK | frozenset(hosts), secure=secure), metrics, log)
 
 
 async def _in_our_words(request: Request, problem: Exception) -> Response:

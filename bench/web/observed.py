@@ -12,9 +12,9 @@ METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"}
 
 
 class Observed:
-    """ASGI middleware around all others. `log` may be missing."""
+    """ASGI middleware around all others. `metrics` and `log` may be missing."""
 
-    def __init__(self, app: ASGIApp, metrics: Metrics, log: Log | None) -> None:
+    def __init__(self, app: ASGIApp, metrics: Metrics | None, log: Log | None) -> None:
         self._app, self._metrics, self._log = app, metrics, log
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -34,7 +34,8 @@ class Observed:
     def _answered(self, scope: Scope, status: int, took_s: float) -> None:
         route = getattr(scope.get("route"), "path", "other")
         method = scope["method"] if scope["method"] in METHODS else "other"
-        self._metrics.request(method, route, status, took_s)
+        if self._metrics is not None:
+            self._metrics.request(method, route, status, took_s)
         if self._log is not None:
             person = scope.get("state", {}).get("person")
             self._log.info(

@@ -12,7 +12,6 @@ from bench.figures.sayings import plain
 from bench.station.alerts.alerts import Alerts
 from bench.station.alerts.kinds import Kind
 from bench.station.alerts.table import Alert
-from bench.web.services import Services
 
 MOST = 50
 
@@ -33,9 +32,8 @@ def in_words(alerts: Alerts, alert: Alert) -> list[str]:
     return alerts.text(alert._replace(cause=cause), current()).body.splitlines()[:2]
 
 
-def opened(station: Services) -> Line:
+def opened(alerts: Alerts | None) -> Line:
     """Return the line of the urgent alerts that nobody has acknowledged, in the current language."""
-    alerts = station.daemon.alerts
     if alerts is None:
         return Line()
     with suppress(StoreError):  # is among the problems of the station

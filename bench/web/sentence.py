@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from bench.figures.languages import tr
+from bench.figures.languages import LANGUAGES, language, tr
 from bench.figures.sayings import plain
 from bench.figures.times_and_sizes import duration
 from bench.sequence.plan.dwells import first_visit
@@ -92,6 +92,17 @@ def sentence_of(live: LiveRun, steady: tuple[float, float] | None = None, since:
     then = tr("next: {step}", step=in_words(NEXT, steps[following])) if following < len(steps) else ""
     state = _state(live, [steps[place]["facts"]["phase"] for place in found])
     return Sentence(state, now or _without_step(live, len(steps)), then, ", ".join(at), last + 1, len(steps))
+
+
+def doing(live: LiveRun) -> dict[str, str]:
+    """Return what a run does by languages, without numbers that change meanwhile; empty while its plan is unknown."""
+    steps = {step["id"]: step for step in (live.timeline or {}).get("steps", ())}
+    planned = [found for step in live.state.under_way if (found := steps.get(first_visit(step))) is not None]
+    words: dict[str, str] = {}
+    for each in LANGUAGES if steps else ():
+        with language(each):
+            words[each] = " · ".join(in_words(NOW, step) for step in planned) or _without_step(live, len(steps))
+    return words
 
 
 class Soaking(NamedTuple):

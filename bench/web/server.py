@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
-import os
-import signal
-import socket
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Callable
 
-import uvicorn
-
-from bench.client.address import TOKEN, WHERE, announcement
-from bench.errors import BenchError, InputError
-from bench.files import expect_private, write_atomically
+from bench.client.address import TOKEN
 from bench.runner.notify import notify
 from bench.station.daemon import Daemon, at_work
 from bench.station.log import Log, libraries_in, make_log
@@ -24,34 +13,22 @@ from bench.station.mqtt.part import Mqtt
 from bench.station.part import Part
 from bench.station.settings import Settings
 from bench.station.storage.audit import Audit
-from bench.web.access import EVERYTHING, Person
 from bench.web.ahead import Ahead
 from bench.web.app import make_app
-from bench.web.assets import lacking
-from bench.web.connections import Connection, Handshake, connection_of
-from bench.web.guards import HEADER_LIMIT_BYTES
 from bench.web.identity import Identity
+from bench.web.listening import (
+    Listening,
+    address_for_others,
+    banner_of,
+    expect_safe,
+    expect_secret,
+    listening_at,
+    own_host,
+    server_of,
+    until_signal,
+)
+from bench.web.sentence import doing
 from bench.web.services import Services
-
-DAYS = 3650
-ACCEPTED_AT_ONCE = 50  # so that a flood of them holds nothing else up
-BACKLOG = 1024  # beyond it, a connection is tried again after a second
-
-
-class Listening(NamedTuple):
-    """Address of a server, and its certificate and key; without these it speaks plain HTTP."""
-
-    host: str = "127.0.0.1"
-    port: int = 8421
-    certificate: Path | None = None
-    key: Path | None = None
-    hosts: tuple[str, ...] = ()
-    insecure: bool = False
-
-    @property
-    def is_loopback(self) -> bool:
-        """True if only this computer can reach it."""
-        return self.host in ("127.0.0.1", "::1", "localhost")
 
 
 async def serve(settings: Settings, listening: Listening, say: Callable[[str], object]) -> None:
@@ -67,142 +44,24 @@ async def serve(settings: Settings, listening: Listening, say: Callable[[str], o
 async def _serve(settings: Settings, listening: Listening, say: Callable[[str], object], log: Log) -> None:
     async with at_work(settings, more=_more, log=log) as daemon:
         identity = Identity(daemon.database, settings.idle)
-        _expect_safe(listening, identity)
-        _expect_private(settings.folder / TOKEN, listening.key)
-        services = Services(daemon, identity, Audit(daemon.database), _banner(listening, identity))
-        hosts = (*listening.hosts, *_own_host(listening))
+        expect_safe(listening, identity)
+        expect_secret(settings.folder / TOKEN, listening.key)
+        services = Services(daemon, identity, Audit(daemon.database), banner_of(listening, identity))
+        hosts = (*listening.hosts, *own_host(listening))
         app = make_app(services, hosts, secure=listening.certificate is not None, log=log)
-        config = uvicorn.Config(
-            app, log_config=None, access_log=False, server_header=False, date_header=False, http=Connection,
-            timeout_keep_alive=10, timeout_graceful_shutdown=3, proxy_headers=False, ws="none",
-            ssl_certfile=listening.certificate, ssl_keyfile=listening.key,
-            h11_max_incomplete_event_size=HEADER_LIMIT_BYTES,
-        )  # fmt: skip
-        with _listener(listening) as listener:
-            url = _url(listening, listener)
-            _announce(settings, url, identity, listening.certificate)
-            say(f"{settings.title}: {url}")
-            if listening.is_loopback and not identity.has_users():
-                say(f"code for the first login, valid once within 10 minutes: {identity.new_code()}")
-            if missing := lacking():
-                say(f"the pages lack {', '.join(missing)} and show no live values; in a source checkout: make assets")
+        with listening_at(
+            listening, identity, settings.folder, settings.runs, settings.title, say
+        ) as (listener, url):  # fmt: skip
+            daemon.address = address_for_others(listening, url)
             notify("READY=1", f"STATUS=serves {url}")
             log.info("station begins", url=url, benches=list(settings.benches))
             try:
-                await _until_signal(_Server(config), listener)
+                await until_signal(server_of(app, listening), listener)
             finally:
                 log.info("station ends")
-                with suppress(OSError):
-                    (settings.folder / WHERE).unlink(missing_ok=True)
 
 
 def _more(daemon: Daemon) -> dict[str, Part]:
     """Return the parts of a station that serves pages, and those that the settings ask for."""
-    mqtt = {"MQTT": Mqtt(daemon, daemon.settings.mqtt)} if daemon.settings.mqtt is not None else {}
+    mqtt = {"MQTT": Mqtt(daemon, daemon.settings.mqtt, doing)} if daemon.settings.mqtt is not None else {}
     return {"work ahead": Ahead(daemon), **mqtt}
-
-
-class _Server(uvicorn.Server):
-    """Server that leaves signals alone: that of uvicorn raises them again, which would end the daemon in the middle."""
-
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Listen; a handshake of TLS counts as a connection."""
-        await self.lifespan.startup()
-        loop = asyncio.get_running_loop()
-        make = Handshake if self.config.ssl is not None else connection_of
-        self.servers = [
-            await loop.create_server(lambda: make(self), sock=each, backlog=ACCEPTED_AT_ONCE) for each in sockets or []
-        ]
-        for each in sockets or []:
-            each.listen(BACKLOG)
-        self.started = True
-
-    @contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        """Do nothing."""
-        yield
-
-
-async def _until_signal(server: uvicorn.Server, listener: socket.socket) -> None:
-    """Serve until SIGINT or SIGTERM."""
-    loop = asyncio.get_running_loop()
-
-    def end() -> None:
-        server.should_exit = True
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, end)
-    try:
-        await server.serve([listener])
-    finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(number)
-
-
-def _expect_safe(listening: Listening, identity: Identity) -> None:
-    """Raise InputError for an address in a network without users and TLS, unless this is wanted explicitly."""
-    if listening.is_loopback or listening.insecure:
-        return
-    lacking = [] if identity.has_users() else ["users (PUT /api/v1/users/NAME with the token of the station)"]
-    lacking += [] if listening.certificate else ["a certificate (--certificate FILE --key FILE)"]
-    if lacking:
-        raise InputError(
-            f"--host {listening.host}: an address in a network needs {' and '.join(lacking)}; or --insecure, with a "
-            "banner on all pages"
-        )
-
-
-def _own_host(listening: Listening) -> tuple[str, ...]:
-    """Return the address as a host name, unless it means all addresses of this computer."""
-    return () if listening.host in ("0.0.0.0", "::", "") else (listening.host.lower(),)  # noqa: S104  not bound to
-
-
-def _expect_private(token: Path, key: Path | None) -> None:
-    """Raise InputError if others can read a file with a secret; a group may read the key, as on Debian."""
-    for path, what, others in ((token, "token", 0o077), (key, "--key", 0o027)):
-        if path is not None and path.exists():
-            expect_private(path, what, others)
-
-
-def _banner(listening: Listening, identity: Identity) -> str:
-    """Return the permanent warning of a station that serves a network without users or TLS; "" for none."""
-    if listening.is_loopback:
-        return ""
-    warnings = [] if listening.certificate else ["Anybody in this network can read along and change what is sent."]
-    warnings += [] if identity.has_users() else ["This station has no users."]
-    return " ".join(warnings)
-
-
-def _listener(listening: Listening) -> socket.socket:
-    family = socket.AF_INET6 if ":" in listening.host else socket.AF_INET
-    try:
-        listener = socket.create_server((listening.host, listening.port), family=family, backlog=BACKLOG)
-    except OSError as problem:
-        address = f"{listening.host}:{listening.port}"
-        raise BenchError(f"{address} cannot be used ({problem}); choose another --port") from None
-    # Connections inherit it: asyncio sets it only where a socket names its protocol, and 40 ms an answer are at stake.
-    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return listener
-
-
-def _url(listening: Listening, listener: socket.socket) -> str:
-    scheme = "https" if listening.certificate else "http"
-    host = f"[{listening.host}]" if ":" in listening.host else listening.host
-    return f"{scheme}://{host}:{listener.getsockname()[1]}/"
-
-
-def _announce(settings: Settings, url: str, identity: Identity, certificate: Path | None) -> None:
-    """Write the address, and at the first start a token, for the commands of this user. Raises StoreError."""
-    token = settings.folder / TOKEN
-    if not token.exists() or identity.of_token(token.read_text("latin-1").strip()) is None:
-        person = Person(_user(), EVERYTHING, "token", is_user=False)
-        descriptor = os.open(token, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "w") as file:
-            file.write(identity.new_token(person, "commands of this user", EVERYTHING, DAYS))
-    write_atomically(settings.folder / WHERE, announcement(url, settings.runs, certificate))
-
-
-def _user() -> str:
-    import getpass
-
-    return getpass.getuser()

@@ -48,6 +48,9 @@ def clock_time(instant: datetime | None, zone: str, now: datetime) -> str:
     if instant is None:
         return tr("unknown")
     there, today = instant.astimezone(ZoneInfo(zone)), now.astimezone(ZoneInfo(zone)).date()
-    days = (there.date() - today).days
-    form = {0: "{time}", 1: "{time} tomorrow", -1: "{time} yesterday"}.get(days)
-    return tr(form, time=f"{there:%H:%M}") if form else f"{there:%Y-%m-%d %H:%M}"
+    days, time = (there.date() - today).days, f"{there:%H:%M}"
+    if days == 1:
+        return tr("{time} tomorrow", time=time)
+    if days == -1:
+        return tr("{time} yesterday", time=time)
+    return time if days == 0 else f"{there:%Y-%m-%d %H:%M}"

@@ -41,12 +41,18 @@ class Port(NamedTuple):
 
 
 class Broker:
-    """Broker on a port of the loopback interface, with users whose passwords are their names."""
+    """Broker on a port of the loopback interface, with users whose passwords are their names, or open to everybody."""
 
-    def __init__(self, folder: Path, *, tls: bool = False) -> None:
+    def __init__(self, folder: Path, *, tls: bool = False, is_open: bool = False) -> None:
         self.folder, self.tls, self.port = folder, tls, free_port()
         folder.mkdir(parents=True, exist_ok=True)
         self._process: subprocess.Popen[bytes] | None = None
+        if is_open:
+            kept = f"persistence true\npersistence_location {folder}/\n"
+            (folder / "mosquitto.conf").write_text(
+                f"listener {self.port} 127.0.0.1\nallow_anonymous true\nuser root\n{kept}max_queued_messages 100000\n"
+            )
+            return
         shutil.copy(ROOT / "config/services/mosquitto.acl", folder / "bench.acl")
         for name in USERS:
             create = [] if (folder / "bench.passwords").exists() else ["-c"]
@@ -86,9 +92,9 @@ class Broker:
 
 
 @contextmanager
-def broker(folder: Path, *, tls: bool = False) -> Iterator[Broker]:
+def broker(folder: Path, *, tls: bool = False, is_open: bool = False) -> Iterator[Broker]:
     """A running broker, until the block ends."""
-    made = Broker(folder, tls=tls)
+    made = Broker(folder, tls=tls, is_open=is_open)
     made.start()
     try:
         yield made

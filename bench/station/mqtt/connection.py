@@ -78,19 +78,29 @@ def _payload(message: Message | str) -> str:
 
 def client(settings: MqttSettings, will: Status) -> Client:
     """Return a client whose last will is a status. Raises InputError, and OSError for files that cannot be read."""
-    properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-    properties.MaximumPacketSize = LONGEST_PACKET
-    properties.ReceiveMaximum = IN_FLIGHT
     made = Client(
-        settings.host, settings.port_used, username=settings.user or None, password=_password(settings),
-        identifier=f"bench-{settings.station}", protocol=aiomqtt.ProtocolVersion.V5, clean_start=True,
+        **connecting(settings, f"bench-{settings.station}", LONGEST_PACKET),
         will=aiomqtt.Will(Topics(settings.station).status, will.payload(), qos=1, retain=True),
-        timeout=TIMEOUT_S, keepalive=KEEP_ALIVE_S, properties=properties, tls_context=_tls(settings),
         max_queued_incoming_messages=20, max_queued_outgoing_messages=5 * IN_FLIGHT,
-        logger=_quiet,
     )  # fmt: skip
     made.pending_calls_threshold = 5 * IN_FLIGHT
     return made
+
+
+def connecting(settings: MqttSettings, identifier: str, longest_packet: int, password: str = "") -> dict[str, Any]:
+    """Return the arguments of a client that has no use for packets longer than some bytes.
+
+    Without `password`, it is in the file of the settings. Raises InputError, and OSError for files that cannot be read.
+    """
+    properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+    properties.MaximumPacketSize = longest_packet
+    properties.ReceiveMaximum = IN_FLIGHT
+    return {
+        "hostname": settings.host, "port": settings.port_used, "username": settings.user or None,
+        "password": password or _password(settings), "identifier": identifier,
+        "protocol": aiomqtt.ProtocolVersion.V5, "clean_start": True, "timeout": TIMEOUT_S, "keepalive": KEEP_ALIVE_S,
+        "properties": properties, "tls_context": _tls(settings), "logger": _quiet,
+    }  # fmt: skip
 
 
 def _password(settings: MqttSettings) -> str | None:

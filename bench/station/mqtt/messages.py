@@ -43,6 +43,7 @@ class Status(Message):
     )
     title: str = Field("", description="name of the station")
     version: str = Field("", description="version of the program")
+    computer: str = Field("", description="name of the computer, as in an archive of runs")
     at: datetime | None = Field(None, description="instant by the clock of the station; null in `offline`")
 
 
@@ -58,6 +59,12 @@ class State(Message):
     """State of a bench, retained."""
 
     title: str = Field(description="name of the bench")
+    at: datetime | None = Field(
+        None, description="when it was so, by the clock of the station; renewed with a change, and each hour"
+    )
+    zone: str = Field("", description="time zone of the bench, such as `Europe/Berlin`")
+    url: str = Field("", description="page of the bench at its station; empty if the station has no address for others")
+    bench: str = Field("", description="title in the bench file, which is that in the records of runs")
     run: str = Field("", description="name of the run directory; empty if none is in progress")
     sequence: str = ""
     run_title: str = Field("", description="title of the run")
@@ -66,10 +73,14 @@ class State(Message):
     item: str = Field("", description="item of the queue; empty for a run started by hand")
     steps: tuple[str, ...] = Field((), description="ids of the steps in progress")
     sentence: str = Field("", description="the step in progress in words; empty if unknown")
+    sentences: Mapping[str, str] = Field(
+        default_factory=dict, description="the same in other languages, by their codes, such as `zh`"
+    )
+    started: datetime | None = Field(None, description="begin of the run")
     done: int = Field(0, description="steps that have ended")
     total: int = Field(0, description="steps of the plan; 0 if it is unknown")
     ends: datetime | None = Field(None, description="estimated end; sent again when it has changed by half a minute")
-    held_by: tuple[str, ...] = Field((), description="why no step begins; `pause` for a person")
+    held_by: tuple[str, ...] = Field((), description="why no step begins; `operator` for a person")
     problems: tuple[str, ...] = Field((), description="the newest 20 problems of the run")
     stopped: str = Field("", description="why no item of the queue begins; empty if items begin")
     waiting: int = Field(0, description="items of the queue that wait")
@@ -79,6 +90,7 @@ class Questions(Message):
     """Open questions of a bench, retained; an empty message when there are none."""
 
     run: str = Field(description=_RUN)
+    at: datetime | None = Field(None, description="since when they are open, by the clock of the station")
     questions: tuple[Question, ...]
 
 

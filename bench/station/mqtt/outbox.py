@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+from bench.engine.control import OPERATOR
 from bench.errors import InputError, StoreError
 from bench.station.mqtt.messages import LARGEST_DATA, Alarm, Event, Finding, Message, Results
 from bench.station.mqtt.positions import Position, Positions
@@ -119,7 +120,7 @@ def alarm(entry: Entry) -> str:
     """Return what has happened, if an entry needs a person; else ""."""
     data = entry.data
     match entry.kind:
-        case "held" if data.get("by") != "pause":
+        case "held" if data.get("by") != OPERATOR:
             return f"held by {data.get('by')}"
         case "made_safe" if data.get("unsafe"):
             return f"not safe: {data['unsafe']}"

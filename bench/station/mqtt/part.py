@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from importlib.metadata import version
 
@@ -15,25 +15,32 @@ from bench.station.daemon import Daemon
 from bench.station.mqtt.first import until_one_ends
 from bench.station.mqtt.orders import AT_MOST_EVERY_S, Orders
 from bench.station.mqtt.settings import MqttSettings
-from bench.station.mqtt.shown import Show
+from bench.station.mqtt.shown import About, Show
 from bench.station.mqtt.start import Start
 from bench.station.mqtt.topics import Topics
 from bench.station.part import Part
+from bench.station.runs.live import LiveRun
 from bench.station.view import station_view
 
 SHOW_EVERY_S = 1.0
 LONGEST_LINE = 64 * 1024
+InWords = Callable[[LiveRun], Mapping[str, str]]
 
 
 class Mqtt(Part):
-    """Publisher of a station: a process of its own, started again when it ends."""
+    """Publisher of a station: a process of its own, started again when it ends.
+
+    `in_words` returns what a run does, by languages.
+    """
 
     every_s = 10.0
 
-    def __init__(self, daemon: Daemon, settings: MqttSettings) -> None:
+    def __init__(self, daemon: Daemon, settings: MqttSettings, in_words: InWords = lambda _: {}) -> None:
         super().__init__()
-        self._daemon, self._settings = daemon, settings
-        self._show = Show(settings, version("inertial-test-bench"))
+        self._daemon, self._settings, self._in_words = daemon, settings, in_words
+        benches = daemon.settings
+        about = {name: About(benches.zones.get(name, ""), benches.recorded.get(name, "")) for name in benches.benches}
+        self._show = Show(settings, version("inertial-test-bench"), about, self._words)
         self._orders = Orders(daemon.database, daemon.catalogue, settings.command_users)
         self._topics = Topics(settings.station)
 
@@ -70,9 +77,13 @@ class Mqtt(Part):
         while True:
             begun = {name: live.begun for name, live in self._daemon.live.runs.items()}
             if process.stdin is not None and not process.stdin.transport.get_write_buffer_size():
-                shown = self._show.of(station_view(self._daemon, wall_utc()), begun)
+                shown = self._show.of(station_view(self._daemon, wall_utc()), begun, self._daemon.address)
                 _send(process, json.dumps(shown._asdict()).encode() + b"\n")
             await asyncio.sleep(SHOW_EVERY_S)
+
+    def _words(self, run: str) -> Mapping[str, str]:
+        live = self._daemon.live.runs.get(run)
+        return self._in_words(live) if live is not None else {}
 
     async def _listen(self, process: asyncio.subprocess.Process) -> None:
         """Take problems and commands, one after the other, until the process ends."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import platform
 import resource
 import signal
 import sys
@@ -82,7 +83,7 @@ class Publisher:
 
     async def _connected(self) -> None:
         number = self._positions.next_connection()
-        broker = client(self._settings, Status(status="offline", bd_seq=number))
+        broker = client(self._settings, self._of(number, "offline").model_copy(update={"at": None}))
         async with broker:
             await asyncio.to_thread(self._outbox.connected)
             try:
@@ -95,7 +96,10 @@ class Publisher:
 
     def _of(self, number: int, status: Any) -> Status:
         start = self._start
-        return Status(status=status, bd_seq=number, title=start.title, version=start.version, at=wall_utc())
+        return Status(
+            status=status, bd_seq=number, title=start.title, version=start.version, computer=platform.node(),
+            at=wall_utc(),
+        )  # fmt: skip
 
     async def _status(self, broker: Client, number: int) -> None:
         while True:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timedelta
 from typing import NamedTuple
+from urllib.parse import quote
 
 from bench.clock import Stopwatch
+from bench.figures.languages import ENGLISH
 from bench.station.mqtt.home_assistant import announcement
 from bench.station.mqtt.messages import Question, Questions, Reading, State
 from bench.station.mqtt.settings import MqttSettings
@@ -15,6 +17,7 @@ from bench.station.view import BenchView, ReadingView, RunView, StationView
 from bench.store.tail import Begins, instant_at
 
 ENDS_MOVED = timedelta(seconds=30)
+STATE_AGAIN = timedelta(hours=1)
 
 
 class Shown(NamedTuple):
@@ -24,23 +27,49 @@ class Shown(NamedTuple):
     readings: dict[str, str]
 
 
-class Show:
-    """Messages of one view of the station after the other."""
+Words = Callable[[str], Mapping[str, str]]
 
-    def __init__(self, settings: MqttSettings, version: str) -> None:
+
+class About(NamedTuple):
+    """What does not change of a bench: its time zone, and its title in the records of runs."""
+
+    zone: str = ""
+    recorded: str = ""
+
+
+def no_words(_: str) -> Mapping[str, str]:
+    """Return no words for what a run does."""
+    return {}
+
+
+class Show:
+    """Messages of one view of the station after the other; `about` is by the names of benches.
+
+    `words` returns what a run does, by languages.
+    """
+
+    def __init__(
+        self, settings: MqttSettings, version: str, about: Mapping[str, About] | None = None, words: Words = no_words
+    ) -> None:
         self._settings, self._version, self._topics = settings, version, Topics(settings.station)
+        self._about, self._words = about or {}, words
         self._ends: dict[str, datetime] = {}
+        self._dates: dict[str, tuple[str, datetime]] = {}
         self._sent: dict[str, tuple[Stopwatch, str]] = {}
         self._channels: dict[str, dict[str, str]] = {}
 
-    def of(self, view: StationView, begun: Mapping[str, Begins]) -> Shown:
-        """Return the messages of a view; `begun` are the begins of runs. Of several runs of a bench the last counts."""
+    def of(self, view: StationView, begun: Mapping[str, Begins], address: str = "") -> Shown:
+        """Return the messages of a view; `begun` are the begins of runs. Of several runs of a bench the last counts.
+
+        `address` is the URL of the station; empty if it has none for others.
+        """
         shown = Shown({}, {})
         for bench in view.benches:
             run = max(bench.running, key=lambda each: each.run, default=None)
-            shown.retained[self._topics.of_bench(bench.name, "state")] = self._state(bench, run).payload()
-            questions = _questions(run).payload() if run is not None and run.questions else ""
-            shown.retained[self._topics.of_bench(bench.name, "questions")] = questions
+            about = self._topics.of_bench(bench.name, "state"), self._topics.of_bench(bench.name, "questions")
+            shown.retained[about[0]] = self._dated(about[0], self._state(bench, run, address), view.now, STATE_AGAIN)
+            open_ones = _questions(run) if run is not None and run.questions else None
+            shown.retained[about[1]] = self._dated(about[1], open_ones, view.now)
             if run is not None:
                 self._read(bench.name, run, begun.get(run.run), shown.readings)
             if self._settings.home_assistant:
@@ -48,14 +77,34 @@ class Show:
                 shown.retained[topic] = payload
         return shown
 
-    def _state(self, bench: BenchView, run: RunView | None) -> State:
-        common = {"title": bench.title, "stopped": bench.stopped, "waiting": len(bench.waiting)}
+    def _dated(
+        self, topic: str, message: State | Questions | None, now: datetime, again: timedelta = timedelta.max
+    ) -> str:
+        """Return a message with the instant since when it is as it is, or of `again` later; "" for none."""
+        if message is None:
+            self._dates.pop(topic, None)
+            return ""
+        same = message.payload()
+        last = self._dates.get(topic)
+        if last is None or last[0] != same or now - last[1] >= again:
+            self._dates[topic] = last = same, now.replace(microsecond=0)
+        return message.model_copy(update={"at": last[1]}).payload()
+
+    def _state(self, bench: BenchView, run: RunView | None, address: str) -> State:
+        about = self._about.get(bench.name, About())
+        common = {
+            "title": bench.title, "stopped": bench.stopped, "waiting": len(bench.waiting), "zone": about.zone,
+            "bench": about.recorded, "url": f"{address}benches/{quote(bench.name, safe='')}" if address else "",
+        }  # fmt: skip
         if run is None:
             self._ends.pop(bench.name, None)
             return State.model_validate(common)
+        words = self._words(run.run)
         return State.model_validate({
             **common, "run": run.run, "sequence": run.sequence, "run_title": run.title, "units": run.units,
-            "operator": run.operator, "item": run.item, "steps": run.steps, "sentence": getattr(run, "sentence", ""),
+            "operator": run.operator, "item": run.item, "started": run.started, "steps": run.steps,
+            "sentence": words.get(ENGLISH, ""),
+            "sentences": {code: text for code, text in words.items() if code != ENGLISH},
             "done": run.done, "total": run.total, "ends": self._steady(bench.name, run.ends), "held_by": run.held_by,
             "problems": [text[:500] for text in run.problems[-20:]],
         })  # fmt: skip

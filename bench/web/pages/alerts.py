@@ -82,7 +82,7 @@ async def open_alerts(
 ) -> Response:
     """Return the line of open alerts that is on every page; no content while it is the one that the page has."""
     with language(language_of(request)):
-        line = opened(station)
+        line = opened(station.alerts)
         if line.mark == seen:
             return Response(status_code=204)
         return HTMLResponse(rendered("part_open_alerts.html.j2", open_alerts=line))

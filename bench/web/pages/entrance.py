@@ -14,7 +14,7 @@ from bench.web.access import OPEN
 from bench.web.guards import is_this_computer
 from bench.web.pages.render import LANGUAGE, THEME, THEMES, page, person_of
 from bench.web.patience import TooSoonError
-from bench.web.services import Services, Station
+from bench.web.services import AnySite, Site
 
 router = APIRouter(include_in_schema=False, dependencies=[OPEN])
 A_YEAR_S = 365 * 24 * 3600
@@ -22,7 +22,7 @@ Text = Annotated[str, Form(max_length=1000)]
 
 
 @router.get("/login")
-async def log_in_page(request: Request, station: Station, then: str = "/") -> Response:
+async def log_in_page(request: Request, station: AnySite, then: str = "/") -> Response:
     """Return the page to log in."""
     if person_of(request) is not None:
         return _to(then)
@@ -31,7 +31,7 @@ async def log_in_page(request: Request, station: Station, then: str = "/") -> Re
 
 @router.post("/login")
 async def log_in(
-    request: Request, station: Station, name: Text = "", password: Text = "", code: Text = "", then: Text = "/"
+    request: Request, station: AnySite, name: Text = "", password: Text = "", code: Text = "", then: Text = "/"
 ) -> Response:
     """Begin a session with name and password, or on this computer with the code of the first start."""
     answer = _to(then)
@@ -48,7 +48,7 @@ async def log_in(
 
 
 @router.post("/logout")
-async def log_out(request: Request, station: Station) -> Response:
+async def log_out(request: Request, station: AnySite) -> Response:
     """End the session."""
     answer = _to("/login")
     if (person := person_of(request)) is not None:
@@ -69,7 +69,7 @@ async def appearance(request: Request, language: Text = "", theme: Text = "", th
     return answer
 
 
-def _entrance(request: Request, station: Services, then: str, *, problem: str = "", status: int = 200) -> HTMLResponse:
+def _entrance(request: Request, station: Site, then: str, *, problem: str = "", status: int = 200) -> HTMLResponse:
     return page(
         request, "login.html.j2", status=status, then=_own(then), problem=problem,
         has_users=station.identity.has_users(), is_here=is_this_computer(request.scope),

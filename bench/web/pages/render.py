@@ -18,8 +18,7 @@ from bench.figures.templates import Compiled, environment_of
 from bench.web.access import Person, Scope
 from bench.web.open_alerts import Line, opened
 from bench.web.pages.files import static
-from bench.web.pages.places import PLACES
-from bench.web.services import Services
+from bench.web.services import site_of
 
 LANGUAGE, THEME = "bench_language", "bench_theme"
 THEMES = ("light", "dark")
@@ -67,18 +66,19 @@ def may(person: Person | None, scope: str) -> bool:
 
 
 def _frame(request: Request) -> dict[str, Any]:
-    services: Services = request.app.state.services
-    theme, zone = request.cookies.get(THEME, ""), services.daemon.settings.zone
+    site = site_of(request)
+    theme, zone, is_known = request.cookies.get(THEME, ""), site.zone, person_of(request) is not None
     return {
         "request": request,
         "language": language_of(request),
         "theme": theme if theme in THEMES else "",
         "person": person_of(request),
-        "station_title": services.daemon.settings.title,
-        "banner": services.banner,
-        "troubles": services.daemon.problems() if person_of(request) is not None else [],
-        "open_alerts": opened(services) if person_of(request) is not None else Line(),
-        "places": PLACES,
+        "station_title": site.title,
+        "banner": site.banner,
+        "troubles": site.problems() if is_known else [],
+        "open_alerts": opened(site.alerts) if is_known else Line(),
+        "watches_alerts": any(each.path == "/alerts" for each in site.places),
+        "places": site.places,
         "zone": zone,
         "now": wall_utc().astimezone(ZoneInfo(zone)),
     }

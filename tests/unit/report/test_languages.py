@@ -25,6 +25,8 @@ from bench.metrology.least_squares import NotDetermined
 from bench.metrology.nonlinear import NotConverged
 from bench.metrology.results.curves import Equation
 from bench.metrology.results.flag import Flag
+from bench.overview import words as of_cards
+from bench.overview.site import PLACES
 from bench.reduce.stored_run import open_run
 from bench.report import flag_words
 from bench.report.tables import VARIABLES, WORST, model_sheet
@@ -104,7 +106,8 @@ def texts_in_python():
 
 
 def texts_in_templates():
-    for path in [*(ROOT / "bench/report/templates").iterdir(), *(ROOT / "bench/web/templates").iterdir()]:
+    folders = ("bench/report/templates", "bench/web/templates")
+    for path in (each for folder in folders for each in (ROOT / folder).rglob("*.j2")):
         for call in Environment().parse(path.read_text("utf-8")).find_all(nodes.Call):
             if isinstance(call.node, nodes.Name) and call.node.name == "tr" and isinstance(call.args[0], nodes.Const):
                 yield call.args[0].value
@@ -134,8 +137,10 @@ def texts_in_tables():
         instruments.GUARDING,
         alerts.KINDS,
         alerts.STATES,
+        of_cards.NAMES,
+        of_cards.GROUPS,
     )
-    yield from places.TITLES
+    yield from (*places.TITLES, *(each.title for each in PLACES))
     for table in tables:
         yield from table.values()
     yield from (

@@ -12,8 +12,8 @@ from bench.station.units import histories
 from bench.station.units.histories import Histories
 from bench.web import ahead
 from bench.web.ahead import Ahead
+from bench.web.listening import Listening, listener_of
 from bench.web.pages import render
-from bench.web.server import Listening, _listener
 from tests.support.station_pages import HTML, asked
 from tests.support.stored_results import finding, instant, stored
 
@@ -74,7 +74,7 @@ def test_a_history_is_made_again_when_a_run_is_new_or_has_changed(tmp_path):
 
 
 def test_an_accepted_connection_sends_at_once():
-    with _listener(Listening(port=0)) as listener, socket.create_connection(listener.getsockname()):
+    with listener_of(Listening(port=0)) as listener, socket.create_connection(listener.getsockname()):
         accepted, _ = listener.accept()
         with accepted:
             assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) == 1

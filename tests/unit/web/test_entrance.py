@@ -132,7 +132,7 @@ def test_files_have_addresses_of_their_content_and_no_name_leaves_the_folder(tmp
 
 
 def test_no_page_has_a_script_or_a_style_inside(tmp_path):
-    pages = list((HERE / "templates").glob("*.j2"))
+    pages = list((HERE / "templates").rglob("*.j2"))
     assert len(pages) > 10
     assert {page.name: found for page in pages if (found := INLINE.findall(page.read_text("utf-8")))} == {}
     answer = asking(tmp_path, lambda client: client.get("/login", headers=HTML))

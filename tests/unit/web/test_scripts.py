@@ -36,7 +36,7 @@ def test_the_page_of_a_bench_loads_less_than_300_kilobytes():
 
 def test_the_editor_is_on_its_page_alone_and_is_sent_with_less_than_150_kilobytes():
     using = [
-        path.name for path in (HERE / "templates").iterdir() if re.search("codemirror|editor.js", path.read_text())
+        path.name for path in (HERE / "templates").rglob("*.j2") if re.search("codemirror|editor.js", path.read_text())
     ]
     assert using == ["edit.html.j2"]
     assert len(compressed(HERE / "static/vendor/codemirror.min.js")) < 150_000

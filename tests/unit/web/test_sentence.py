@@ -15,7 +15,7 @@ from bench.store.runs import RunSummary
 from bench.web.news import news
 from bench.web.pages.readings import rows
 from bench.web.pages.trends import Trend
-from bench.web.sentence import sentence_of, soaking
+from bench.web.sentence import doing, sentence_of, soaking
 
 SOAK = "steps/cycle=1/temperature=-40/soak"
 
@@ -86,6 +86,17 @@ def test_a_pause_is_shown_before_and_after_the_step_ends(live):
 def test_a_question_comes_before_everything(live):
     begin(live, SOAK, 0.0, 9.0, holds=["operator"], questions=[{"step": SOAK, "text": "?"}])
     assert sentence_of(live).state == "asks"
+
+
+def test_what_is_published_has_no_number_that_changes_meanwhile(live):
+    begin(live, SOAK, 1000.0, 1000.0 + 23 * 60)
+    assert doing(live) == {"en": "Soaking at −40 °C", "zh": "在 −40 °C 保温"}
+    live.state = live.state.__class__(done=5)
+    assert doing(live)["en"] == "Between two steps"
+    live.status = {"holds": ["operator"]}
+    assert doing(live)["zh"] == "在下一步骤之前保持：操作员"
+    live.timeline = None
+    assert doing(live) == {}
 
 
 def test_a_run_without_a_plan_has_a_sentence_all_the_same(live):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.errors import InputError
-from bench.web.server import Listening, _banner, _expect_private, _expect_safe
+from bench.web.listening import Listening, address_for_others, banner_of, expect_safe, expect_secret
 from tests.support.web import with_station
 
 FILE = Path("certificate.pem")
@@ -22,17 +22,17 @@ def test_a_network_is_served_with_users_and_tls_or_with_a_banner(tmp_path):
                 for file in (None, FILE):
                     listening = Listening(host, certificate=file, key=file)
                     if users and file:
-                        _expect_safe(listening, here.identity)
-                        assert _banner(listening, here.identity) == ""
+                        expect_safe(listening, here.identity)
+                        assert banner_of(listening, here.identity) == ""
                         continue
                     with pytest.raises(InputError, match="needs "):
-                        _expect_safe(listening, here.identity)
+                        expect_safe(listening, here.identity)
                     insecure = listening._replace(insecure=True)
-                    _expect_safe(insecure, here.identity)
-                    assert _banner(insecure, here.identity)
+                    expect_safe(insecure, here.identity)
+                    assert banner_of(insecure, here.identity)
             for host in ("127.0.0.1", "::1", "localhost"):
-                _expect_safe(Listening(host), here.identity)
-                assert _banner(Listening(host), here.identity) == ""
+                expect_safe(Listening(host), here.identity)
+                assert banner_of(Listening(host), here.identity) == ""
 
     with_station(tmp_path, act)
 
@@ -47,7 +47,15 @@ def test_files_with_secrets_are_for_their_owner(tmp_path, mode, for_token, for_k
     file.chmod(mode)
     for token, key, fine in ((file, None, for_token), (tmp_path / "none", file, for_key)):
         if fine:
-            _expect_private(token, key)
+            expect_secret(token, key)
         else:
             with pytest.raises(InputError, match="chmod 600"):
-                _expect_private(token, key)
+                expect_secret(token, key)
+
+
+def test_the_address_for_others_is_the_first_name_else_that_of_the_server():
+    url = "https://0.0.0.0:8421/"
+    assert address_for_others(Listening("0.0.0.0"), url) == ""
+    assert address_for_others(Listening("0.0.0.0", hosts=("bench.lab", "other")), url) == "https://bench.lab:8421/"
+    assert address_for_others(Listening("192.168.1.5"), "http://192.168.1.5:8421/") == "http://192.168.1.5:8421/"
+    assert address_for_others(Listening(hosts=("bench.lab",)), "http://127.0.0.1:8421/") == "http://127.0.0.1:8421/"

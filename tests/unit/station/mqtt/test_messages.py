@@ -17,7 +17,7 @@ from bench.station.mqtt.connection import LONGEST_WAIT_S, Backoff
 from bench.station.mqtt.home_assistant import announcement
 from bench.station.mqtt.orders import Orders
 from bench.station.mqtt.settings import MqttSettings
-from bench.station.mqtt.shown import Show
+from bench.station.mqtt.shown import About, Show
 from bench.station.mqtt.topics import LONGEST, Topics, bench_of_file, level
 from bench.station.runs.catalogue import Catalogue
 from bench.station.settings import read_station
@@ -90,6 +90,40 @@ def test_a_question_is_retained_while_it_is_open():
     asking = run_view(questions=[QuestionView(step="a", text="Turn it.", expected="done")])
     assert json.loads(made.of(view(asking), {}).retained[topic])["questions"][0]["text"] == "Turn it."
     assert made.of(view(run_view()), {}).retained[topic] == ""
+
+
+def state_of(made, view_, address=""):
+    return json.loads(made.of(view_, {}, address).retained["bench/lab3/left/state"])
+
+
+def test_a_state_says_what_a_page_of_all_benches_needs():
+    about = {"left": About("Asia/Shanghai", "Bench of the record")}
+    settings = MqttSettings.model_validate({"host": "localhost", "station": "lab3"})
+    made = Show(settings, "1", about, lambda run: {"en": f"Soaking in {run}", "zh": "恒温"})
+    state = state_of(made, view(run_view()), "https://lab3.example.org:8421/")
+    assert (state["zone"], state["bench"]) == ("Asia/Shanghai", "Bench of the record")
+    assert state["url"] == "https://lab3.example.org:8421/benches/left"
+    assert (state["sentence"], state["sentences"]) == ("Soaking in r", {"zh": "恒温"})
+    assert datetime.fromisoformat(state["started"]) == NOW
+    idle = state_of(made, view())
+    assert (idle["url"], idle["sentence"], idle["zone"]) == ("", "", "Asia/Shanghai")
+
+
+def test_a_state_that_stays_is_sent_again_each_hour_and_questions_keep_their_instant():
+    made, asking = show(), [QuestionView(step="a", text="Turn it.", expected="done")]
+
+    def sent(minutes, **more):
+        seen = view(run_view(questions=asking, **more)).model_copy(update={"now": NOW + timedelta(minutes=minutes)})
+        retained = made.of(seen, {}).retained
+        return [
+            (datetime.fromisoformat(json.loads(retained[f"bench/lab3/left/{kind}"])["at"]) - NOW).total_seconds() / 60
+            for kind in ("state", "questions")
+        ]
+
+    assert sent(0) == [0, 0]
+    assert sent(59) == [0, 0]
+    assert sent(60) == [60, 0]
+    assert sent(61, done=2) == [61, 0]
 
 
 def test_an_end_that_moves_by_seconds_is_not_sent_again():

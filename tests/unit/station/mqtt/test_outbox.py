@@ -146,7 +146,7 @@ def test_a_record_that_cannot_be_read_holds_up_nothing(tmp_path, runs, outbox):
     ("kind", "data", "text"),
     [
         ("held", {"by": "hot"}, "held by hot"),
-        ("held", {"by": "pause"}, ""),
+        ("held", {"by": "operator"}, ""),
         ("problem", {"text": "silent"}, "silent"),
         ("made_safe", {"unsafe": {}}, ""),
         ("made_safe", {"unsafe": {"chamber": "silent"}}, "not safe: {'chamber': 'silent'}"),
