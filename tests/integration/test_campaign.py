@@ -71,7 +71,10 @@ def test_a_task_whose_worker_is_killed_is_done_by_another(tmp_path, client):
 def test_what_a_killed_worker_has_started_ends_with_it(tmp_path, client):
     found, _ = carried_out(tmp_path, [task("started", mark=str(tmp_path / "mark"))], client)
     (result,) = found.values()
-    assert not Path(f"/proc/{result.content}").exists()
+    until_s = time.monotonic() + 30  # another worker may be done before what is left of the first is killed
+    while Path(f"/proc/{result.content}").exists():
+        assert time.monotonic() < until_s
+        time.sleep(0.05)
 
 
 def test_a_failure_is_told_and_tried_again_by_the_next_campaign(tmp_path, client):
