@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints
 
 from bench.client.address import default_folder
 from bench.config.bench import LoadedBench, load_bench
@@ -44,6 +44,11 @@ class CertificatesEntry(StrictModel):
     version: versions.Name = Field(versions.DEFAULT, description="version of their schema")
 
 
+def _as_entry(given: object) -> object:
+    """Return the entry that true, or false, stands for."""
+    return {True: {}, False: None}[given] if isinstance(given, bool) else given
+
+
 class StationFile(StrictModel):
     """File `station.yaml`."""
 
@@ -53,9 +58,9 @@ class StationFile(StrictModel):
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     laboratory: str = Field("", description="file lab.yaml of the laboratory, relative to this file, for certificates")
     signature: SignatureEntry | None = Field(None, description="key that signs approved reports; without it, none is")
-    dcc: bool | CertificatesEntry = Field(
-        False,
-        description="with an approved report its Digital Calibration Certificate is issued; `{version: 3.3.0}` for "
+    dcc: Annotated[CertificatesEntry | None, BeforeValidator(_as_entry)] = Field(
+        None,
+        description="true: with an approved report its Digital Calibration Certificate is issued; `{version: 3.3.0}` for "
         "another version of the schema",
     )
     report_prefix: str = Field(
@@ -177,7 +182,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         sequences=(beside / found.sequences) if found.sequences else None,
         laboratory=(beside / found.laboratory) if found.laboratory else None,
         signature=key_files(found.signature, beside.absolute()) if found.signature is not None else None,
-        dcc=_version(found.dcc),
+        dcc=found.dcc.version if found.dcc is not None else "",
         report_prefix=found.report_prefix or _own_prefix(),
         released_only=found.released_only,
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,
@@ -188,13 +193,6 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         archive=_place(found.archive, beside),
         mqtt=with_files(found.mqtt, beside.absolute()) if found.mqtt is not None else None,
     )
-
-
-def _version(dcc: bool | CertificatesEntry) -> str:
-    """Return the version of the schema of certificates, "" if none are issued."""
-    if isinstance(dcc, CertificatesEntry):
-        return dcc.version
-    return versions.DEFAULT if dcc else ""
 
 
 def _place(archive: str, beside: Path) -> str:

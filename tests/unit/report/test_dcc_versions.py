@@ -171,10 +171,9 @@ def test_a_station_states_its_version(tmp_path, stated, version):
 def test_a_version_that_is_not_written_is_an_error_of_the_settings(tmp_path):
     path = tmp_path / "station.yaml"
     path.write_text("schema: itb-station/1\nbenches: {demo: {file: simulated}}\ndcc:\n  version: 3.2.0\n")
-    with pytest.raises(InputError, match=r"station.yaml:4") as found:
+    with pytest.raises(InputError, match=r"station.yaml:4:\d+: version: is '3.2.0'.*'3.2.1' or '3.3.0'$") as found:
         load_file(path, StationFile)
-    assert "3.2.1" in str(found.value)
-    assert "valid boolean" not in str(found.value)
+    assert len(str(found.value).splitlines()) == 1
 
 
 def test_a_station_issues_it_in_its_version(smoke_copy, tmp_path):
