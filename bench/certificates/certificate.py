@@ -55,7 +55,8 @@ def not_valid(certificate: Certificate) -> str:
     """Return the declaration of a certificate that it is not valid; "" for a valid one."""
     markup = certificate.markup
     for statement in markup.all(_STATEMENTS):
-        if {"false", "0"} & set(markup.text("dcc:valid | dcc:validXMLList", statement).split()):
+        stated = markup.text("dcc:valid", statement) or markup.text("dcc:validXMLList", statement)
+        if {"false", "0"} & set(stated.split()):
             return markup.text("dcc:declaration", statement) or "a statement without words"
     return ""
 

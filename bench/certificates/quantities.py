@@ -32,7 +32,7 @@ _FORMS = (
     ("si:coverageIntervalMU/si:standardUnc", ""),
 )
 _AROUND = ("si:measurementUncertaintyUnivariate", "si:measurementUncertaintyUnivaraite")  # the second is no slip here
-_OF_ALL = "si:listUnivariateUnc | si:listMeasurementUncertaintyUnivariate"
+_OF_ALL = ("si:listUnivariateUnc", "si:listMeasurementUncertaintyUnivariate")
 _LISTS = (
     ("si:expandedUncXMLList/si:uncertaintyXMLList", "si:coverageFactorXMLList"),
     ("si:expandedMUXMLList/si:valueExpandedMUXMLList", "si:coverageFactorXMLList"),
@@ -149,7 +149,7 @@ def _sound(markup: Markup, expanded: Fraction, k: Fraction, at: Element) -> tupl
 def _in_list(markup: Markup, listed: Element) -> Iterator[Value]:
     """Values of a list with one unit and one uncertainty for all."""
     unit = markup.text("si:listUnit", listed)
-    common = markup.all(_OF_ALL, listed)
+    common = markup.all(" | ".join(_OF_ALL), listed)
     expanded, k = _uncertainty(markup, common[0]) if common else (None, None)
     for real in markup.all("si:real", listed):
         value = _single(markup, real, unit)

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 Name = Literal["3.1.2", "3.2.1", "3.3.0"]
 DEFAULT: Name = "3.1.2"
+_NAMESPACE = "https://ptb.de/dcc"
 
 
 class Uncertainties(NamedTuple):
@@ -35,7 +36,7 @@ class Version(NamedTuple):
     @property
     def location(self) -> str:
         """Namespace and address of the schema, for `xsi:schemaLocation`."""
-        return f"https://ptb.de/dcc https://ptb.de/dcc/v{self.name}/dcc.xsd"
+        return " ".join((_NAMESPACE, f"{_NAMESPACE}/v{self.name}/dcc.xsd"))
 
 
 _D_SI_2_1 = Uncertainties("", "si:expandedUnc", "si:uncertainty", "si:coverageInterval", "si:standardUnc")
