@@ -60,8 +60,8 @@ class StationFile(StrictModel):
     signature: SignatureEntry | None = Field(None, description="key that signs approved reports; without it, none is")
     dcc: Annotated[CertificatesEntry | None, BeforeValidator(_as_entry)] = Field(
         None,
-        description="true: with an approved report its Digital Calibration Certificate is issued; `{version: 3.3.0}` in "
-        "another version of the schema",
+        description="true: with an approved report its Digital Calibration Certificate is issued; `{version: 3.3.0}`: "
+        "in another version of the schema",
     )
     report_prefix: str = Field(
         "",
