@@ -29,7 +29,12 @@ HERE = {  # configuration of a cluster of this computer
     "distributed.scheduler.worker-saturation": 1.0,  # so that a killed worker had no task but the one it did
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
-    "distributed.worker.profile.enabled": False,
+    "distributed.worker.profile.enabled": False,  # this and the next take time from the tasks
+    "distributed.admin.tick.interval": "2 s",
+    "distributed.admin.tick.cycle": "10 s",
+    "distributed.admin.system-monitor.interval": "10 s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+    "distributed.scheduler.active-memory-manager.start": False,
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
 }

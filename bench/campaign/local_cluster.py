@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -38,7 +39,7 @@ class Workers:
             self._ending.set()
             with self._lock:
                 for process in self._processes:
-                    process.kill()
+                    _kill(process)
             for thread in self._threads:
                 thread.join()
 
@@ -53,7 +54,9 @@ class Workers:
                 self._processes.add(process)
             with process:  # waits for its end, and closes its input
                 process.wait()
-            self._processes.discard(process)
+            _kill(process)  # what it has started itself
+            with self._lock:
+                self._processes.discard(process)
             if watch.elapsed_s() < SHORT_LIFE_S:
                 self._ending.wait(PAUSE_S)
 
@@ -61,10 +64,16 @@ class Workers:
         process = subprocess.Popen(  # noqa: S603  our own module
             [sys.executable, "-P", "-m", MODULE], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "OPENBLAS_NUM_THREADS": "1"},
-            start_new_session=True,  # Ctrl-C is for the campaign
+            start_new_session=True,  # Ctrl-C is for the campaign; and it has a group of its own
         )  # fmt: skip
         if process.stdin is not None:
             with suppress(BrokenPipeError):  # it has ended already
                 process.stdin.write(json.dumps({**self._given, "name": f"{number}-{process.pid}"}) + "\n")
                 process.stdin.flush()
         return process
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    """Kill a worker with all processes that it has started."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)

@@ -7,6 +7,7 @@ import gc
 import json
 import logging
 import os
+import signal
 import sys
 import threading
 from collections.abc import Mapping
@@ -40,7 +41,7 @@ async def _work(given: Mapping[str, Any]) -> None:
 
 def _end_with_starter() -> None:
     sys.stdin.buffer.read()
-    os._exit(0)
+    os.killpg(0, signal.SIGKILL)  # with the processes of its task
 
 
 if __name__ == "__main__":

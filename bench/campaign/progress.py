@@ -39,10 +39,12 @@ class Pace:
     def __init__(self) -> None:
         self._watch = Stopwatch()
         self._done_s = 0.0
+        self._last_s = 0.0  # of this session, when the last result arrived
 
     def add(self, took_s: float) -> None:
         """Count a result of this session."""
         self._done_s += took_s
+        self._last_s = self._watch.elapsed_s()
 
     def progress(self, tasks: Iterable[Task], known: Known, workers: int) -> Progress:
         """State of a campaign with these tasks; each is expected to take as long as the others of its sort."""
@@ -59,13 +61,14 @@ class Pace:
         return Progress(finished, failed, finished + failed + len(left), workers, self._ends(left, took_s))
 
     def _ends(self, left: list[Task], took_s: dict[str, list[float]]) -> datetime | None:
-        elapsed_s = self._watch.elapsed_s()
-        if not left or not self._done_s or not elapsed_s:
+        """Return when the tasks that are left end at the pace up to the last result; those under way are among them."""
+        if not left or not self._done_s or not self._last_s:
             return None
         means_s = {sort: fmean(each) for sort, each in took_s.items()}
         usual_s = fmean(means_s.values())
         left_s = sum(means_s.get(task.sort, usual_s) for task in left)
-        return wall_utc() + timedelta(seconds=left_s * elapsed_s / self._done_s)
+        since_s = self._watch.elapsed_s() - self._last_s
+        return wall_utc() + timedelta(seconds=max(0.0, left_s * self._last_s / self._done_s - since_s))
 
 
 def _clock(at: datetime) -> str:

@@ -131,7 +131,7 @@ class Subscription:
         if not self.problem:
             self.since = wall_utc()
         self.problem = why or "the connection was lost"
-        self._overview.disconnected()
+        self._overview.disconnected(wall_utc())
 
     async def _connected(self) -> None:
         arguments = connecting(

@@ -153,7 +153,7 @@ def is_lost(overview: Overview, station: StationSeen, now: datetime) -> bool:
     if station.status != "online":
         return station.status == "offline" or station.heard is None or _is_silent(overview, station, now)
     if station.heard is None and (sign := last_sign(station, now)) is not None and now - sign > GONE:
-        return True  # what is retained is of long ago, unless its clock is: then its next message tells
+        return True  # what is retained is of long ago, unless its clock is wrong: its next message shows that
     return _is_silent(overview, station, now)
 
 

@@ -28,6 +28,8 @@ LONGEST_LEVEL = 160
 VALUE, SET_POINT = ".process_value", ".set_point"  # of a chamber
 NOT_BENCHES = ("commands", "replies")
 STATUS = ("online", "offline")
+OF_BROKER = timedelta(seconds=2)  # between the last wills that a broker publishes when it ends, and its end
+NEW = timedelta(seconds=10)  # begin of a subscription, in which the broker sends what it has retained
 Entry = TypeVar("Entry", Alarm, Result)
 
 
@@ -80,8 +82,9 @@ class BenchSeen:
 class StationSeen:
     """Station as far as it was received.
 
-    `heard` is when it last sent something, None for one of which only retained messages are known. `clock_off` is its
-    clock minus ours. `has_ended` is True if it has said that it ends. `connection` is the number of its connection.
+    `heard` is when it last sent something, None for one of which only retained messages are known; `died` is when its
+    last will came. `clock_off` is its clock minus ours. `has_ended` is True if it has said that it ends. `connection`
+    is the number of its connection.
     """
 
     name: str
@@ -96,15 +99,22 @@ class StationSeen:
     computer: str = ""
     at: datetime | None = None
     heard: datetime | None = None
+    died: datetime | None = None
     clock_off: timedelta | None = None
     has_unread: bool = False
 
-    def take(self, facts: Facts, now: datetime, *, retained: bool) -> None:
-        """Take a status. One that is the will of an older connection says nothing."""
+    def take(self, facts: Facts, now: datetime, *, retained: bool, is_new: bool = False) -> None:
+        """Take a status. The will of an older connection says nothing.
+
+        Neither does, at the begin of a new subscription (`is_new`), that of a station that was there before the broker
+        went: it may come back as well, and is lost when it is silent for long enough.
+        """
         status, connection, at = facts.text("status", 20), facts.whole("bd_seq"), facts.instant("at", now)
         is_of_older = status == "offline" and self.status == "online" and connection != self.connection
-        if is_of_older and not retained:
+        was_there = status == "offline" and self.status == "online" and at is None
+        if (is_of_older and not retained) or (retained and is_new and was_there):
             return
+        self.died = now if was_there and not retained else None
         self.status, self.has_ended = status, status == "offline" and at is not None
         self.at = at or self.at
         self.title, self.version = facts.text("title", 100) or self.title, facts.text("version", 40) or self.version
@@ -137,9 +147,15 @@ class Overview:
         if not again or self.connected is None:
             self.connected = now
 
-    def disconnected(self) -> None:
-        """Keep what was received last; nothing more comes."""
+    def disconnected(self, now: datetime) -> None:
+        """Keep what was received last; nothing more comes.
+
+        A broker that ends publishes the last wills of all stations before: they say nothing of a station.
+        """
         self.connected = None
+        for station in self.stations.values():
+            if station.died is not None and now - station.died < OF_BROKER:
+                station.status, station.died = "online", None
 
     def settled(self) -> None:
         """Drop what the subscription has not brought again: it was removed from the broker meanwhile."""
@@ -195,7 +211,8 @@ class Overview:
         if facts is None or (status := facts.text("status", 20)) not in STATUS:
             return
         if (station := self._station(name, now, is_online=status == "online")) is not None:
-            station.take(facts, now, retained=retained)
+            is_new = self.connected is not None and now - self.connected < NEW
+            station.take(facts, now, retained=retained, is_new=is_new)
             station.status_round = self._round
             station.has_unread = station.has_unread or bool(facts.misfits)
 

@@ -12,15 +12,16 @@ from fastapi.responses import HTMLResponse, StreamingResponse
 from bench.clock import wall_utc
 from bench.errors import BenchError, error_message
 from bench.figures.languages import language
-from bench.figures.words import quantity_in_words
 from bench.overview.board import Boards, Viewer, url_for
 from bench.overview.history import PastRun
 from bench.overview.site import All, AllBenches
-from bench.overview.words import Words, outcome
+from bench.overview.words import Words as OfCard
+from bench.overview.words import outcome
 from bench.web.access import Reader
 from bench.web.guards import is_this_computer
 from bench.web.pages.render import language_of, page
 from bench.web.pages.results_shown import day
+from bench.web.pages.runs import Words
 
 router = APIRouter(include_in_schema=False)
 LOOK_EVERY_S = 1.0
@@ -70,7 +71,7 @@ async def bench_page(request: Request, site: All, _: Reader, key: str) -> HTMLRe
         parts = site.boards.parts(viewer)
         return page(
             request, "overview/bench.html.j2", place="/", card=card, parts=parts, viewer=viewer,
-            words=Words(card, wall_utc(), site.zone), url=url_for(card, viewer), runs=runs, problem=problem,
+            words=OfCard(card, wall_utc(), site.zone), url=url_for(card, viewer), runs=runs, problem=problem,
             has_archive=site.history is not None, outcome=outcome,
         )  # fmt: skip
 
@@ -90,7 +91,7 @@ async def unit_page(
             problem = error_message(error)
     return page(
         request, "overview/unit.html.j2", place="/unit", serial=serial, unit=found, problem=problem, day=day,
-        quantity_in_words=quantity_in_words,
+        **Words,
     )  # fmt: skip
 
 

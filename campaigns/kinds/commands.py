@@ -20,14 +20,17 @@ def task_of(name: str, words: str) -> Task:
 
 
 def run(words: Sequence[str]) -> Mapping[str, object]:
-    """Run a command; its exit status and what it printed."""
+    """Run a command; its exit status, 0 or 1, and what it printed. RuntimeError when it could not come to that."""
     module, *options = words
     done = subprocess.run(
         [sys.executable, "-m", f"campaigns.{module}", *options], cwd=ROOT, text=True, check=False,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
         env={**os.environ, **ENVIRONMENT, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
-    return {"status": done.returncode, "printed": done.stdout.splitlines()[-KEPT_LINES:]}
+    printed = done.stdout.splitlines()[-KEPT_LINES:]
+    if done.returncode not in (0, 1) or any(line.startswith("Traceback ") for line in printed):
+        raise RuntimeError(f"ended with {done.returncode}: {' '.join(printed[-3:])}")
+    return {"status": done.returncode, "printed": printed}
 
 
 def told(tasks: Sequence[Task], known: Known) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Every method on units that differ in kind, held against the truth: `make truth` runs it with 40 seeds a cell.
+"""Every method on units that differ in kind, held against the truth; `bench campaign truth` gives the cells to workers.
 
     python -m campaigns.truth.units --seeds 8 --method M4a --kind warm
     python -m campaigns.truth.units --seeds 40             # stopped, it goes on where it was

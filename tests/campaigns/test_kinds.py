@@ -122,6 +122,11 @@ def test_a_command_is_run_with_its_options():
     assert found == {"status": 0, "printed": ["truth on altered units: ok"]}
 
 
+def test_a_command_that_cannot_be_run_is_no_result():
+    with pytest.raises(RuntimeError, match=r"ended with 2: .*--no-such-option"):
+        commands.run(["truth.units", "--no-such-option"])
+
+
 def test_blocks_of_draws_are_other_draws_and_add_up():
     campaign = monte_carlo.campaign(trials=("thresholds",), draws=150)
     tasks = campaign.tasks(NOTHING)

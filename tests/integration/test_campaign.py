@@ -10,15 +10,18 @@ from pathlib import Path
 
 import pytest
 
+from bench.archive.destination import Destination
+from bench.archive.publish import push
 from bench.campaign import carry_out as order
 from bench.campaign.carry_out import carry_out
 from bench.campaign.cluster import KILLS, here
 from bench.campaign.ledger import opened
 from bench.campaign.program import digest_of, identity
+from bench.campaign.reductions import Reductions
 from bench.errors import InputError
 from bench.store.user_state import state_folder
 from tests.support.campaign_tasks import Given, lines_in, squares, task, workers_under
-from tests.support.runs import ROOT
+from tests.support.runs import ROOT, run_short
 
 pytestmark = [
     pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(400),
@@ -65,6 +68,12 @@ def test_a_task_whose_worker_is_killed_is_done_by_another(tmp_path, client):
     assert len(lines_in(tmp_path)) == 6
 
 
+def test_what_a_killed_worker_has_started_ends_with_it(tmp_path, client):
+    found, _ = carried_out(tmp_path, [task("started", mark=str(tmp_path / "mark"))], client)
+    (result,) = found.values()
+    assert not Path(f"/proc/{result.content}").exists()
+
+
 def test_a_failure_is_told_and_tried_again_by_the_next_campaign(tmp_path, client):
     tasks = [task("raised", text="no luck"), *squares(3)]
     for times in (1, 2):
@@ -107,6 +116,17 @@ def test_a_worker_with_another_program_is_refused_and_results_of_others_are_kept
     monkeypatch.undo()
     carried_out(tmp_path, squares(5), client)
     assert len(lines_in(tmp_path)) == 5
+
+
+def test_all_runs_of_an_archive_are_reduced_again(tmp_path, client):
+    for seed in (1, 2):
+        push(run_short(tmp_path / "runs", sequence="smoke", seed=seed).path, Destination(str(tmp_path / "archive")))
+    campaign = Reductions(str(tmp_path / "archive"))
+    found, _ = carried_out(tmp_path / "out", campaign.tasks(None), client)
+    assert [each.content["changes"] for each in found.values()] == [[], []]
+    (tmp_path / "archive" / "runs").rename(tmp_path / "away")
+    failed, _ = carried_out(tmp_path / "again", campaign.tasks(None), client)
+    assert [each.is_finished for each in failed.values()] == [False, False]
 
 
 def test_other_users_cannot_connect_to_the_scheduler(client):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -92,6 +93,16 @@ def killed_once(mark):
         Path(mark).touch()
         killed()
     return "the second time"
+
+
+def started(mark):
+    """Start another process, and wait for it; the second time return its number."""
+    if Path(mark).exists():
+        return int(Path(mark).read_text())
+    child = subprocess.Popen(["sleep", "600"])
+    Path(mark).write_text(str(child.pid))
+    os.kill(os.getpid(), signal.SIGKILL)
+    return 0
 
 
 def drawn():

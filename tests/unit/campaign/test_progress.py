@@ -42,6 +42,16 @@ def test_the_end_is_by_how_long_tasks_of_each_sort_take_and_by_how_many_are_done
     assert found.ends == NOW + timedelta(seconds=(10 + 10 + 190) / 2)
 
 
+def test_the_end_stays_while_nothing_arrives_and_is_not_in_the_past(monkeypatch):
+    elapsed_s = [100.0]
+    monkeypatch.setattr(Stopwatch, "elapsed_s", lambda _: elapsed_s[0])
+    monkeypatch.setattr(progress, "wall_utc", lambda: NOW + timedelta(seconds=elapsed_s[0]))
+    pace, every = Pace(), tasks("a", "a")
+    pace.add(100.0)
+    for elapsed_s[0], end_s in ((100.0, 200.0), (150.0, 200.0), (300.0, 300.0)):
+        assert pace.progress(every, known({"0": 100.0}), 1).ends == NOW + timedelta(seconds=end_s)
+
+
 @pytest.mark.usefixtures("now")
 def test_without_a_result_of_this_session_there_is_no_end():
     assert Pace().progress(tasks("a", "a"), known({"0": 3.0}), 2).ends is None

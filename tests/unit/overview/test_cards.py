@@ -81,16 +81,29 @@ def test_a_silent_station_is_lost_after_three_minutes_and_gone_after_a_day():
 
 def test_nobody_is_lost_while_the_broker_is_away_nor_at_once_when_it_is_back():
     told = Told().online().state()
-    told.overview.disconnected()
+    told.overview.disconnected(told.now)
     assert told.later(minutes=30).card().kind is Kind.RUNNING
     told.overview.subscribed(told.now)
     assert told.card().kind is Kind.RUNNING
     assert told.later(minutes=4).card().kind is Kind.LOST
 
 
+def test_a_broker_that_ends_publishes_all_last_wills_and_yet_nobody_is_lost():
+    told = Told().online().state().later(seconds=30).online("dead", bd_seq=7).state("b", "dead")
+    told.offline("dead", bd_seq=7).later(seconds=60).offline()
+    told.overview.disconnected(told.later(seconds=1).now)
+    assert kinds(told) == [("Bench b", Kind.LOST), ("Bench a", Kind.RUNNING)]
+    told.overview.subscribed(told.later(seconds=20).now)
+    told.offline(retained=True).offline("dead", bd_seq=7, retained=True).state(retained=True)
+    told.state("b", "dead", retained=True)
+    told.overview.settled()
+    assert kinds(told) == [("Bench b", Kind.LOST), ("Bench a", Kind.RUNNING)]
+    assert {card.kind for card in told.later(seconds=200).cards()} == {Kind.LOST}, "it has not come back"
+
+
 def test_what_the_broker_does_not_send_again_was_removed_meanwhile():
     told = Told().online().state().asks().state("b").online("other").state("a", "other")
-    told.overview.disconnected()
+    told.overview.disconnected(told.now)
     told.overview.subscribed(told.now)
     told.online(retained=True).state(retained=True)
     assert told.cards()[0].kind is Kind.ASKS, "until the broker has sent all"

@@ -206,8 +206,8 @@ def test_models_budgets_and_what_cannot_be_separated_are_told(tumble):
     assert f"{model['powers_of_T'][1] * 1e6:.9g}" in page.text
     assert "part of the value; this method cannot separate it, and u does not include it" in page.text
     assert "contains the asymmetry of converter or voltmeter" in page.text
-    assert page.text.count("combined") == 5 + 11 + 5  # of the first dwell, over the run, of all dwells
-    assert page.count("svg") == 5
+    assert page.text.count("combined") == 5 + 13 + 5  # of the first dwell, over the run, of all dwells
+    assert page.count("svg") == 6
 
 
 def test_bench_instruments_and_provenance_are_named(tumble):
