@@ -31,7 +31,10 @@ _FORMS = (
     ("si:coverageIntervalMU/si:valueStandardMU", ""),
     ("si:coverageIntervalMU/si:standardUnc", ""),
 )
-_AROUND = ("si:measurementUncertaintyUnivariate", "si:measurementUncertaintyUnivaraite")  # the second is no slip here
+_AROUND = (
+    "si:measurementUncertaintyUnivariate",
+    "si:measurementUncertaintyUnivaraite",
+)  # the second is spelled so there
 _OF_ALL = ("si:listUnivariateUnc", "si:listMeasurementUncertaintyUnivariate")
 _LISTS = (
     ("si:expandedUncXMLList/si:uncertaintyXMLList", "si:coverageFactorXMLList"),
