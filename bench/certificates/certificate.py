@@ -14,7 +14,7 @@ from bench.certificates.quantities import Stated, quantities
 DUE = "itb_due"  # refType of the statement with the date of the next calibration
 _CORE, _STATEMENTS = "dcc:administrativeData/dcc:coreData", "dcc:administrativeData/dcc:statements/dcc:statement"
 _ITEMS = "dcc:administrativeData/dcc:items"
-_ITEM, _VALUE = f"{_ITEMS}/dcc:item", "dcc:identifications/dcc:identification/dcc:value"
+_VALUE = "dcc:identifications/dcc:identification/dcc:value"
 _PERIOD = re.compile(r"P(?:(\d{1,3})Y)?(?:(\d{1,4})M)?(?:(\d{1,5})D)?(?:T.*)?", re.ASCII)
 
 
@@ -36,8 +36,9 @@ def read_certificate(path: Path) -> Certificate:
     markup = read_markup(path)
     number, date = _needed(markup, f"{_CORE}/dcc:uniqueIdentifier"), _needed(markup, f"{_CORE}/dcc:endPerformanceDate")
     laboratory = markup.all("dcc:administrativeData/dcc:calibrationLaboratory/dcc:contact/dcc:name")
-    items = markup.all(_ITEM)
-    serials = markup.all(f"{_ITEM}/{_VALUE} | {_ITEMS}/{_VALUE}")
+    lists = markup.all(f"{_ITEMS} | {_ITEMS}//dcc:subItems")  # from 3.3 on items have items
+    items = [item for each in lists for item in markup.all("dcc:item", each)]
+    serials = [serial for each in (*lists, *items) for serial in markup.all(_VALUE, each)]
     return Certificate(
         markup,
         number,
@@ -54,7 +55,8 @@ def not_valid(certificate: Certificate) -> str:
     """Return the declaration of a certificate that it is not valid; "" for a valid one."""
     markup = certificate.markup
     for statement in markup.all(_STATEMENTS):
-        if markup.text("dcc:valid", statement) in ("false", "0"):
+        stated = markup.text("dcc:valid", statement) or markup.text("dcc:validXMLList", statement)
+        if {"false", "0"} & set(stated.split()):
             return markup.text("dcc:declaration", statement) or "a statement without words"
     return ""
 

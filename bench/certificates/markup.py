@@ -14,7 +14,8 @@ imported("lxml", "dcc", what="certificate")
 from lxml import etree  # noqa: E402  with advice where it is missing
 
 DCC, SI, DS = "https://ptb.de/dcc", "https://ptb.de/si", "http://www.w3.org/2000/09/xmldsig#"
-NAMES = {"dcc": DCC, "si": SI, "ds": DS}
+XSI = "http://www.w3.org/2001/XMLSchema-instance"
+NAMES = {"dcc": DCC, "si": SI, "ds": DS, "xsi": XSI}
 LIMIT_BYTES = 16 * 2**20
 ROOT = f"{{{DCC}}}digitalCalibrationCertificate"
 MAJOR = "3"  # of the versions that can be read

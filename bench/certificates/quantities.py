@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import NamedTuple, TypeVar
 
 from bench.certificates import dsi
-from bench.certificates.markup import Element, Markup, named
+from bench.certificates.markup import Element, Markup, named, plain
 from drivers.quantity.quantities import Quantity
 from drivers.quantity.units import QuantityError, parse_unit
 
@@ -21,22 +21,31 @@ _QUANTITIES = (
 )
 Item = TypeVar("Item")
 
-# Elements of the expanded uncertainty and its coverage factor, by the form of the value: D-SI 2.0 and 2.1, then 2.2.
-_SINGLE = (
-    ("si:expandedUnc/si:uncertainty", "si:expandedUnc/si:coverageFactor"),
-    ("si:measurementUncertaintyUnivariate/si:expandedMU/si:valueExpandedMU",
-     "si:measurementUncertaintyUnivariate/si:expandedMU/si:coverageFactor"),
-)  # fmt: skip
-_LISTS = (
-    ("si:expandedUncXMLList/si:uncertaintyXMLList", "si:expandedUncXMLList/si:coverageFactorXMLList"),
-    ("si:measurementUncertaintyUnivariateXMLList/si:expandedMUXMLList/si:valueExpandedMUXMLList",
-     "si:measurementUncertaintyUnivariateXMLList/si:expandedMUXMLList/si:coverageFactorXMLList"),
-)  # fmt: skip
-_STANDARD = (
-    "si:coverageInterval/si:standardUnc",
-    "si:measurementUncertaintyUnivariate/si:standardMU/si:valueStandardMU",
-    "si:measurementUncertaintyUnivariate/si:coverageIntervalMU/si:standardMU",
+# Elements of an uncertainty, and the coverage factor beside them: D-SI 2.0 and 2.1, then 2.2. A standard uncertainty
+# has none. In D-SI 2.2 the element around them has three names: of a number, of one in a list, of all in a list.
+_FORMS = (
+    ("si:expandedUnc/si:uncertainty", "si:coverageFactor"),
+    ("si:expandedMU/si:valueExpandedMU", "si:coverageFactor"),
+    ("si:coverageInterval/si:standardUnc", ""),
+    ("si:standardMU/si:valueStandardMU", ""),
+    ("si:coverageIntervalMU/si:valueStandardMU", ""),
+    ("si:coverageIntervalMU/si:standardUnc", ""),
 )
+_AROUND = (
+    "si:measurementUncertaintyUnivariate",
+    "si:measurementUncertaintyUnivaraite",
+)  # the second is spelled so there
+_OF_ALL = ("si:listUnivariateUnc", "si:listMeasurementUncertaintyUnivariate")
+_LISTS = (
+    ("si:expandedUncXMLList/si:uncertaintyXMLList", "si:coverageFactorXMLList"),
+    ("si:expandedMUXMLList/si:valueExpandedMUXMLList", "si:coverageFactorXMLList"),
+    ("si:coverageIntervalXMLList/si:standardUncXMLList", ""),
+    ("si:standardMUXMLList/si:valueStandardMUXMLList", ""),
+    ("si:coverageIntervalMUXMLList/si:valueStandardMUXMLList", ""),
+)
+_AROUND_LISTS = "si:measurementUncertaintyUnivariateXMLList"
+_MISSING = "NaN"  # a number in D-SI 2.2
+_NUMBERS = ".//si:*[not(*)][not(self::si:label or self::si:labelXMLList)]"
 
 
 class Value(NamedTuple):
@@ -94,6 +103,9 @@ def quantities(markup: Markup) -> list[Stated]:
 
 
 def _values(markup: Markup, quantity: Element) -> Iterator[Value]:
+    """Yield the values of a quantity; none if one of its numbers is missing, for a row of a table would be, too."""
+    if any(_MISSING in plain(each).split() for each in markup.all(_NUMBERS, quantity)):
+        return
     for part in [*_readable(markup, quantity), quantity]:  # of a hybrid only one, its parts being equal
         for real in markup.all("self::si:real | self::dcc:quantity/si:real", part):
             yield _single(markup, real)
@@ -123,10 +135,11 @@ def _single(markup: Markup, real: Element, unit: str = "") -> Value:
 
 
 def _uncertainty(markup: Markup, real: Element) -> tuple[Fraction | None, Fraction | None]:
-    for value, factor in (*_SINGLE, *((value, "") for value in _STANDARD)):
-        if markup.all(value, real):
-            stated = _number(markup, value, real), _number(markup, factor, real) if factor else Fraction(1)
-            return _sound(markup, *stated, real)
+    for part in (real, *markup.all(" | ".join(_AROUND), real)):
+        for value, factor in _FORMS:
+            for stated in markup.all(value, part):
+                k = _number(markup, f"../{factor}", stated) if factor else Fraction(1)
+                return _sound(markup, _read(markup, plain(stated), real), k, real)
     return None, None
 
 
@@ -139,7 +152,7 @@ def _sound(markup: Markup, expanded: Fraction, k: Fraction, at: Element) -> tupl
 def _in_list(markup: Markup, listed: Element) -> Iterator[Value]:
     """Values of a list with one unit and one uncertainty for all."""
     unit = markup.text("si:listUnit", listed)
-    common = markup.all("si:listUnivariateUnc", listed)
+    common = markup.all(" | ".join(_OF_ALL), listed)
     expanded, k = _uncertainty(markup, common[0]) if common else (None, None)
     for real in markup.all("si:real", listed):
         value = _single(markup, real, unit)
@@ -151,10 +164,13 @@ def _listed(markup: Markup, listed: Element) -> Iterator[Value]:
     units = _as_many(markup, markup.text("si:unitXMLList", listed).split(), numbers, listed, "units")
     expanded: Sequence[Fraction | None] = [None] * len(numbers)
     ks: Sequence[Fraction | None] = expanded
-    for value, factor in _LISTS:
-        if markup.all(value, listed):
-            expanded = _as_many(markup, _numbers(markup, value, listed), numbers, listed, "uncertainties")
-            ks = _as_many(markup, _numbers(markup, factor, listed), numbers, listed, "coverage factors")
+    for part in (listed, *markup.all(_AROUND_LISTS, listed)):
+        for value, factor in _LISTS:
+            for stated in markup.all(value, part):
+                found = _numbers(markup, ".", stated)
+                expanded = _as_many(markup, found, numbers, listed, "uncertainties")
+                found = _numbers(markup, f"../{factor}", stated) if factor else [Fraction(1)]
+                ks = _as_many(markup, found, numbers, listed, "coverage factors")
     for number, unit, u, k in zip(numbers, units, expanded, ks, strict=True):
         if u is not None and k is not None:
             _sound(markup, u, k, listed)

@@ -70,7 +70,17 @@ def verify(run: str, runs: Path) -> int:
     return BENCH_ERROR if record.damage else PASS
 
 
-def report(run: str, runs: Path, form: str, lang: str, out: Path | None, sign: Path | None, *, damaged: bool) -> None:
+def report(
+    run: str,
+    runs: Path,
+    form: str,
+    lang: str,
+    out: Path | None,
+    sign: Path | None,
+    dcc_version: str | None,
+    *,
+    damaged: bool,
+) -> None:
     """Write the report of a run, even of an interrupted one; or the certificate of an approved one.
 
     Beside an approved report no other is written; --out FILE writes a copy elsewhere. The format dcc is a Digital
@@ -80,6 +90,7 @@ def report(run: str, runs: Path, form: str, lang: str, out: Path | None, sign: P
     from bench.figures.languages import LANGUAGES
     from bench.optional import imported
     from bench.reduce.stored_run import open_run
+    from bench.report.dcc.versions import DEFAULT, VERSIONS
     from bench.report.write import FORMS, write_report
     from bench.store.runs import find_run
 
@@ -87,13 +98,17 @@ def report(run: str, runs: Path, form: str, lang: str, out: Path | None, sign: P
     _expect_one_of("--lang", LANGUAGES, lang)
     if sign is not None and form != DCC:
         raise InputError("--sign is for --format dcc; the station signs a PDF when it is approved")
+    if dcc_version is not None:
+        _expect_one_of("--dcc-version", VERSIONS, dcc_version)
+        if form != DCC:
+            raise InputError("--dcc-version is for --format dcc")
     key = _key(sign) if sign is not None else None
     with open_run(find_run(run, runs), damaged=damaged) as stored:
         if form == DCC:
             imported("lxml", DCC)
             from bench.report.dcc.write import write_certificate
 
-            say(write_certificate(stored, lang, out, key))
+            say(write_certificate(stored, lang, out, key, dcc_version or DEFAULT))
         else:
             say(write_report(stored, form, lang, out))
 
@@ -170,6 +185,7 @@ COMMANDS = (
         option("--lang en|zh", "The language of the report.", default="en"),
         option("--out FILE", "The file to write; default: in the directory of the run.", read=Path),
         option("--sign STATION.yaml", "With dcc: sign it with the key of this station.", read=Path),
+        option("--dcc-version VERSION", "With dcc: version of its schema, 3.1.2 (default), 3.2.1 or 3.3.0."),
         DAMAGED,
     )),
     Command("export", export, (

@@ -10,13 +10,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, StringConstraints
+from pydantic import BeforeValidator, Field, StringConstraints
 
 from bench.client.address import default_folder
 from bench.config.bench import LoadedBench, load_bench
 from bench.config.devices import Text
 from bench.config.load import find, load_file, shipped
 from bench.errors import InputError
+from bench.report.dcc import versions
 from bench.station.alerts.settings import AlertsEntry, AlertSettings, read_alerts
 from bench.station.mqtt.settings import MqttSettings, with_files
 from bench.station.names import BENCH, WORD
@@ -37,6 +38,17 @@ class BenchEntry(StrictModel):
     file: str = Field(description="bench file: a path, relative to this file, or the name of a shipped one")
 
 
+class CertificatesEntry(StrictModel):
+    """Digital Calibration Certificates that a station issues."""
+
+    version: versions.Name = Field(versions.DEFAULT, description="version of their schema")
+
+
+def _as_entry(given: object) -> object:
+    """Return the entry that true, or false, stands for."""
+    return {True: {}, False: None}[given] if isinstance(given, bool) else given
+
+
 class StationFile(StrictModel):
     """File `station.yaml`."""
 
@@ -46,7 +58,11 @@ class StationFile(StrictModel):
     runs: str = Field("runs", description="folder of run directories, relative to this file")
     laboratory: str = Field("", description="file lab.yaml of the laboratory, relative to this file, for certificates")
     signature: SignatureEntry | None = Field(None, description="key that signs approved reports; without it, none is")
-    dcc: bool = Field(False, description="with an approved report its Digital Calibration Certificate is issued")
+    dcc: Annotated[CertificatesEntry | None, BeforeValidator(_as_entry)] = Field(
+        None,
+        description="true: with an approved report its Digital Calibration Certificate is issued; `{version: 3.3.0}`: "
+        "in another version of the schema",
+    )
     report_prefix: str = Field(
         "",
         pattern=r"^[A-Za-z0-9-]{0,20}$",
@@ -74,7 +90,8 @@ class StationFile(StrictModel):
 class Settings(NamedTuple):
     """Settings of a station, with absolute paths; `benches` are bench files by name.
 
-    `folder` holds the station's own records, `sequences` are those of the laboratory, if they are elsewhere.
+    `folder` holds the station's own records, `sequences` are those of the laboratory, if they are elsewhere. `dcc` is
+    the version of the schema of Digital Calibration Certificates, "" if none are issued.
     """
 
     title: str
@@ -86,7 +103,7 @@ class Settings(NamedTuple):
     mqtt: MqttSettings | None = None
     laboratory: Path | None = None
     signature: KeyFiles | None = None
-    dcc: bool = False
+    dcc: str = ""
     report_prefix: str = "R"
     released_only: bool = False
     idle: timedelta | None = None
@@ -165,7 +182,7 @@ def read_station(file: Path | None, folder: Path | None = None, **instead: Any) 
         sequences=(beside / found.sequences) if found.sequences else None,
         laboratory=(beside / found.laboratory) if found.laboratory else None,
         signature=key_files(found.signature, beside.absolute()) if found.signature is not None else None,
-        dcc=found.dcc,
+        dcc=found.dcc.version if found.dcc is not None else "",
         report_prefix=found.report_prefix or _own_prefix(),
         released_only=found.released_only,
         idle=timedelta(minutes=found.log_out_after_min) if found.log_out_after_min else None,

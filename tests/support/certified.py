@@ -11,6 +11,7 @@ from bench.certificates.signature import Key
 from bench.figures.languages import language
 from bench.reduce.stored_run import open_run
 from bench.report.approval import APPROVAL, SCHEMA
+from bench.report.dcc.versions import DEFAULT
 from bench.report.dcc.write import certificate_of
 from bench.report.revision import issued_name, replacing
 from bench.station.signoff.key import KeyFiles
@@ -45,7 +46,7 @@ def approved_copy(run: Path, folder: Path, **instead: Any) -> Path:
     return approve(Path(shutil.copytree(run, folder / run.name)), **instead)
 
 
-def certificate(run: Path, key: KeyFiles | None = None, lang: str = "en") -> bytes:
+def certificate(run: Path, key: KeyFiles | None = None, lang: str = "en", version: str = DEFAULT) -> bytes:
     """Return the certificate of an approved run."""
     with open_run(run) as stored, language(lang):
-        return certificate_of(stored, Key(*loaded_key(key)) if key is not None else None)
+        return certificate_of(stored, Key(*loaded_key(key)) if key is not None else None, version=version)

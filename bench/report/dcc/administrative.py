@@ -14,6 +14,7 @@ from bench.figures.languages import tr
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.report import page
+from bench.report.dcc import versions
 from bench.report.dcc.elements import Words, add, contact, identify, languages, say
 from bench.report.revision import issued_name
 from bench.store.seal import file_hash
@@ -48,7 +49,11 @@ def _not_stated() -> str:
 
 def number_of(run: StoredRun, approval: Mapping[str, Any]) -> str:
     """Return the number of a certificate; of a simulated run one that shows that it is none."""
-    return f"{SIMULATED if run.manifest['simulated'] else ''}{approval['report']}"
+    return f"{_mark(run)}{approval['report']}"
+
+
+def _mark(run: StoredRun) -> str:
+    return SIMULATED if run.manifest["simulated"] else ""
 
 
 def _core(parent: Element, run: StoredRun, approval: Mapping[str, Any]) -> None:
@@ -68,7 +73,14 @@ def _core(parent: Element, run: StoredRun, approval: Mapping[str, Any]) -> None:
         add(made, f"dcc:{name}PerformanceDate", str(_day(instant, zone)))
     is_elsewhere = fields.get("place") or approval["laboratory"].get("place")
     add(made, "dcc:performanceLocation", "other" if is_elsewhere else "laboratory")
-    _previous(made, run, approval.get("replaces", ""))
+    replaced = approval.get("replaces", "")
+    if versions.current().is_extended:
+        add(made, "dcc:issueDate", str(_day(approval["at"], ZoneInfo("UTC"))))
+        if replaced:
+            change = add(made, "dcc:reportAmendedSubstituted")
+            add(change, "dcc:typeOfChange", "substituted")
+            add(change, "dcc:replacedUniqueIdentifier", f"{_mark(run)}{replaced}")
+    _previous(made, run, replaced)
 
 
 def _day(instant: str, zone: ZoneInfo) -> date:

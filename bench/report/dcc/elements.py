@@ -13,6 +13,7 @@ from bench.certificates.markup import NAMES, Element
 from bench.figures.languages import ENGLISH, current, language
 from bench.metrology.results.coverage import PROBABILITY
 from bench.metrology.results.finding import CONFIDENCE
+from bench.report.dcc import versions
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters that XML cannot have
 Words = Callable[[], str]
@@ -43,7 +44,7 @@ def element(name: str, text: str = "", **attributes: str) -> Element:
     """Return an element, such as dcc:name, with the namespaces of certificates."""
     prefix, _, local = name.partition(":")
     made = etree.Element(f"{{{NAMES[prefix]}}}{local}", {key: each for key, each in attributes.items() if each}, NAMES)
-    made.text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text) or None
+    made.text = _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text.strip()) or None  # from 3.2 on texts have no edges
     return made
 
 
@@ -89,15 +90,17 @@ def real(number: Number, label: str = "") -> Element:
     add(made, "si:unit", number.unit)
     if number.u <= 0:
         return made
+    names = versions.current().uncertainties
+    around = add(made, names.around) if names.around else made
     if number.interval is not None:
-        stated = add(made, "si:coverageInterval")
-        add(stated, "si:standardUnc", decimal(number.u))
+        stated = add(around, names.interval)
+        add(stated, names.standard_value, decimal(number.u))
         for side, value in zip(("Min", "Max"), number.interval, strict=True):
             add(stated, f"si:interval{side}", decimal(value))
         add(stated, "si:coverageProbability", f"{CONFIDENCE}")
         return made
-    stated = add(made, "si:expandedUnc")
-    add(stated, "si:uncertainty", decimal(number.k * number.u))
+    stated = add(around, names.expanded)
+    add(stated, names.expanded_value, decimal(number.k * number.u))
     add(stated, "si:coverageFactor", f"{number.k!r}")
     add(stated, "si:coverageProbability", f"{PROBABILITY}")
     add(stated, "si:distribution", "normal" if number.dof is None else f"t, {number.dof} degrees of freedom")
@@ -113,7 +116,7 @@ def decimal(value: float) -> str:
 
 def identify(parent: Element, entries: Iterable[tuple[str, str, Words]], ref_type: str = "") -> None:
     """Add identifications, each with its issuer, value and name; none without a value."""
-    if not (stated := [entry for entry in entries if entry[1]]):
+    if not (stated := [entry for entry in entries if entry[1].strip()]):
         return
     made = add(parent, "dcc:identifications")
     for issuer, value, name in stated:
@@ -126,10 +129,14 @@ def identify(parent: Element, entries: Iterable[tuple[str, str, Words]], ref_typ
 def contact(
     parent: Element, tag: str, name: Words | str, address: str = "", email: str = "", *, is_strict: bool = True
 ) -> Element:
-    """Add a person or an organisation; a strict one has an e-mail address and a location, empty if not stated."""
+    """Add a person or an organisation; a strict one has a location, "-" if it is not stated.
+
+    In 3.1 it has an e-mail address too, empty if it is not stated.
+    """
     made = add(parent, tag)
     say(made, "dcc:name", name)
     if is_strict:
-        add(made, "dcc:eMail", email)
+        if email or not versions.current().is_extended:
+            add(made, "dcc:eMail", email)
         say(add(made, "dcc:location"), "dcc:further", address or "-")
     return made

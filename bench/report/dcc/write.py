@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
+from bench.certificates.markup import XSI
 from bench.errors import InputError
 from bench.figures.languages import ENGLISH, language, tr
 from bench.files import atomic_file, write_atomically
@@ -18,6 +19,7 @@ from bench.report.approval import approval_of
 from bench.report.dcc.administrative import administrative
 from bench.report.dcc.elements import add, element
 from bench.report.dcc.results import file, measurement_results
+from bench.report.dcc.versions import DEFAULT, written_in
 from bench.report.revision import changed_reports, issued_name, replacing, writing
 from bench.report.write import expect_elsewhere
 from bench.store.runs import json_text
@@ -25,13 +27,19 @@ from bench.store.runs import json_text
 if TYPE_CHECKING:
     from bench.certificates.signature import Key
 
-VERSION = "3.1.2"  # of the schema
 FORM = "xml"
+_LOCATION = f"{{{XSI}}}schemaLocation"
 _KINDS = {"pdf": "application/pdf", "html": "text/html"}
 _RESULTS = "results.json"
 
 
-def write_certificate(run: StoredRun, lang: str = ENGLISH, out: Path | None = None, key: Key | None = None) -> Path:
+def write_certificate(
+    run: StoredRun,
+    lang: str = ENGLISH,
+    out: Path | None = None,
+    key: Key | None = None,
+    version: str = DEFAULT,
+) -> Path:
     """Write the certificate of an approved run to its directory, or to a file `out`; return the path.
 
     It has the number of the approved report in its name, and is not replaced. Raises InputError and StoreError.
@@ -39,7 +47,7 @@ def write_certificate(run: StoredRun, lang: str = ENGLISH, out: Path | None = No
     if out is not None:
         expect_elsewhere(out)
     with writing(run.folder), language(lang):
-        content = certificate_of(run, key)
+        content = certificate_of(run, key, version=version)
         if out is not None:
             with atomic_file(out) as draft:
                 draft.write_bytes(content)
@@ -54,12 +62,16 @@ def write_certificate(run: StoredRun, lang: str = ENGLISH, out: Path | None = No
 
 
 def certificate_of(
-    run: StoredRun, key: Key | None = None, approval: Mapping[str, Any] | None = None, issued: bytes = b""
+    run: StoredRun,
+    key: Key | None = None,
+    approval: Mapping[str, Any] | None = None,
+    issued: bytes = b"",
+    version: str = DEFAULT,
 ) -> bytes:
     """Return the certificate of an approved run in the current language, signed if there is a key.
 
-    `approval` and the file of its report are given while they are issued; else they are those of the run. Raises
-    InputError for a run for which no certificate is issued.
+    `approval` and the file of its report are given while they are issued; else they are those of the run. `version` is
+    that of the schema. Raises InputError for a run for which no certificate is issued.
     """
     approval = approval if approval is not None else approval_of(run.folder)
     if why := why_none(run, approval):
@@ -69,12 +81,13 @@ def certificate_of(
     if not issued:  # else these are the results of the report that is issued now
         _expect_as_sealed(run, results)
     name, content = _issued(run, approval, issued)
-    root = element("dcc:digitalCalibrationCertificate", schemaVersion=VERSION)
-    administrative(root, run, results, approval, is_signed=key is not None)
-    measurement_results(root, run, results)
-    if key is not None:
-        place = add(root, "dcc:comment")
-    file(root, "dcc:document", name, _KINDS[name.rpartition(".")[2]], content)
+    with written_in(version) as known:
+        root = element("dcc:digitalCalibrationCertificate", schemaVersion=known.name)
+        root.set(_LOCATION, known.location)
+        administrative(root, run, results, approval, is_signed=key is not None)
+        measurement_results(root, run, results)
+        place = root if known.is_extended or key is None else add(root, "dcc:comment")
+        file(root, "dcc:document", name, _KINDS[name.rpartition(".")[2]], content)
     etree.indent(root)
     if key is not None:
         from bench.certificates.signature import signed

@@ -27,7 +27,8 @@ STAGED, CHAIN = ".staged", "chain"
 class Issue(NamedTuple):
     """What a certificate states beside the run itself, its form and language, and the key that signs it.
 
-    With `dcc` a Digital Calibration Certificate is issued with the report, for a run that can have one.
+    With `dcc` a Digital Calibration Certificate in that version of the schema is issued with the report, for a run that
+    can have one.
     """
 
     laboratory: LaboratoryFile | None = None
@@ -35,7 +36,7 @@ class Issue(NamedTuple):
     form: str = "pdf"
     language: str = "en"
     key: KeyFiles | None = None
-    dcc: bool = False
+    dcc: str = ""
 
 
 def usable_key(key: KeyFiles) -> None:
@@ -143,7 +144,7 @@ def _certificate(run: Path, issue: Issue, content: dict[str, Any], report: bytes
 
     key = Key(*loaded_key(issue.key)) if issue.key is not None else None
     with open_run(run) as stored, language(issue.language):
-        return b"" if why_none(stored, content) else certificate_of(stored, key, content, report)
+        return b"" if why_none(stored, content) else certificate_of(stored, key, content, report, issue.dcc)
 
 
 def _signer(key: KeyFiles) -> Signer:

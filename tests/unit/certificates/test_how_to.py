@@ -6,8 +6,10 @@ import pytest
 import yaml
 
 from bench.config.bench import load_bench
+from bench.report.dcc.versions import DEFAULT
 from bench.station.settings import StationFile
 from tests.support.certified import approve
+from tests.support.dcc import parsed
 from tests.support.how_to import FOLDER, blocks, commands, follow
 from tests.support.runs import ROOT
 
@@ -31,14 +33,18 @@ def test_its_commands_work_in_order(tmp_path, bench_here):
         result = bench_here(*words[1:], cwd=tmp_path) if words[0] == "bench" else follow(words, tmp_path, tmp_path, {})
         assert result.returncode == 0, (words, result.stdout, result.stderr)
         done.append((words, result.stdout))
-    assert len(done) == 8
-    assert "as expected; unchanged since" in done[-1][1]
+    assert len(done) == 9
+    assert "as expected; unchanged since" in done[-2][1]
+    assert parsed((tmp_path / "later.xml").read_bytes()).get("schemaVersion") == "3.3.0"
     assert "Reading minus true temperature [basic_measurementError]" in done[3][1]
 
 
 def test_its_settings_of_a_station_are_valid():
     (settings,) = (text for _, text in blocks(PAGE) if text.startswith("schema: itb-station"))
-    assert StationFile.model_validate(yaml.safe_load(settings)).dcc
+    assert StationFile.model_validate(yaml.safe_load(settings)).dcc.version == DEFAULT
+    (other,) = (text for _, text in blocks(PAGE) if text.startswith("dcc:"))
+    stated = yaml.safe_load(settings) | yaml.safe_load(other)
+    assert StationFile.model_validate(stated).dcc.version == "3.3.0"
 
 
 def pieces():

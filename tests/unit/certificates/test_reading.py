@@ -148,6 +148,108 @@ def test_the_uncertainties_of_d_si_2_2_are_read(bench_with):
     assert bench.devices["dvm"].calibration.U.gain == 9e-6
 
 
+INTERVAL = """<si:coverageIntervalMU>
+                  <si:valueStandardMU>4e-6</si:valueStandardMU>
+                  <si:intervalMin>-1e-5</si:intervalMin>
+                  <si:intervalMax>1e-5</si:intervalMax>
+                  <si:coverageProbability>0.95</si:coverageProbability>
+                </si:coverageIntervalMU>"""
+STANDARD = "<si:standardMU><si:valueStandardMU>4e-6</si:valueStandardMU></si:standardMU>"
+
+
+@pytest.mark.parametrize("stated", [INTERVAL, STANDARD])
+def test_the_standard_uncertainties_of_d_si_2_2_are_read_with_k_1(bench_with, stated, tmp_path):
+    later = f"<si:measurementUncertaintyUnivariate>{stated}</si:measurementUncertaintyUnivariate>"
+    bench = bench_with((UNCERTAINTY, later), ('schemaVersion="3.1.2"', 'schemaVersion="3.3.0"'))
+    found = bench.devices["dvm"].calibration
+    assert (found.k, found.U.gain, found.U.offset) == (2, 8e-6, 2e-6)
+    assert errors(tmp_path / "config/certificates/meter.xml") == []
+
+
+UNCERTAIN_LIST = re.compile("<si:expandedUncXMLList>.*?</si:expandedUncXMLList>", re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("stated", "U"),
+    [
+        ("<si:standardMUXMLList><si:valueStandardMUXMLList>0.1 0.2 0.3 0.4 0.5</si:valueStandardMUXMLList>"
+         "</si:standardMUXMLList>", 1),
+        ("<si:coverageIntervalMUXMLList><si:valueStandardMUXMLList>0.4</si:valueStandardMUXMLList><si:intervalMinXMLList>"
+         "-1</si:intervalMinXMLList><si:intervalMaxXMLList>1</si:intervalMaxXMLList><si:coverageProbabilityXMLList>0.95"
+         "</si:coverageProbabilityXMLList></si:coverageIntervalMUXMLList>", 0.8),
+        ("<si:expandedMUXMLList><si:valueExpandedMUXMLList>0.7</si:valueExpandedMUXMLList><si:coverageFactorXMLList>2"
+         "</si:coverageFactorXMLList><si:coverageProbabilityXMLList>0.95</si:coverageProbabilityXMLList>"
+         "</si:expandedMUXMLList>", 0.7),
+    ],
+)  # fmt: skip
+def test_the_uncertainties_of_lists_of_d_si_2_2_are_read(bench_with, tmp_path, stated, U):  # noqa: N803
+    text = (ROOT / "config/certificates/thermometer.xml").read_text("utf-8")
+    singles = [(each, single_of_2_2(each)) for each in set(SINGLE.findall(text))]
+    (old,) = set(UNCERTAIN_LIST.findall(text))
+    later = f"<si:measurementUncertaintyUnivariateXMLList>{stated}</si:measurementUncertaintyUnivariateXMLList>"
+    version = ('schemaVersion="3.1.2"', 'schemaVersion="3.3.0"')
+    bench = bench_with((old, later), version, *singles, file="thermometer.xml")
+    found = bench.readings["unit_temperature"].calibration
+    assert (found.k, found.U.offset) == (2, pytest.approx(U, rel=1e-12))
+    assert [row.add for row in found.corrections] == [0.12, 0.05, -0.01, -0.06, -0.15]
+    assert errors(tmp_path / "config/certificates/thermometer.xml") == []
+
+
+SINGLE = re.compile("<si:expandedUnc>.*?</si:expandedUnc>", re.DOTALL)
+
+
+def single_of_2_2(text):
+    names = text.replace("expandedUnc>", "expandedMU>").replace("uncertainty>", "valueExpandedMU>")
+    return f"<si:measurementUncertaintyUnivariate>{names}</si:measurementUncertaintyUnivariate>"
+
+
+@pytest.mark.parametrize("of_all", [True, False])
+def test_the_uncertainties_in_lists_of_values_of_d_si_2_2_are_read(bench_with, tmp_path, of_all):
+    """Of all values of a list, and of one: the name of the latter has another order of letters in the schema."""
+    part = single_of_2_2(UNCERTAINTY)
+    inner = re.sub("8e-6", "3", re.sub("</?si:measurementUncertaintyUnivariate>", "", part))
+    around = "listMeasurementUncertaintyUnivariate" if of_all else "measurementUncertaintyUnivaraite"
+    stated = f"<si:{around}>{inner}</si:{around}>"
+    common, own = (stated, "") if of_all else ("", stated)
+    real = f"<si:real><si:value>0</si:value>{own}</si:real>"
+    listed = f"<si:list><si:realList><si:listUnit>\\arcsecond</si:listUnit>{common}{real * 2}</si:realList></si:list>"
+    text = (ROOT / "config/certificates/head.xml").read_text("utf-8")
+    begin = text.index("<si:realListXMLList>", text.index("itb_harmonics"))
+    old = text[begin : text.index("</si:realListXMLList>", begin) + len("</si:realListXMLList>")]
+    bench = bench_with((old, listed), ('schemaVersion="3.1.2"', 'schemaVersion="3.3.0"'), file="head.xml")
+    assert bench.devices["head"].calibration.U.harmonics == (3, 3)
+    assert errors(tmp_path / "config/certificates/head.xml") == []
+
+
+@pytest.mark.parametrize("version", ["3.2.1", "3.3.0"])
+def test_certificates_of_later_versions_are_read(bench_with, tmp_path, version):
+    """The examples are certificates of these versions too, and their values the same."""
+    kept = bench_with()
+    found = bench_with(('schemaVersion="3.1.2"', f'schemaVersion="{version}"'))
+    assert found.devices["dvm"].calibration.U == kept.devices["dvm"].calibration.U
+    assert errors(tmp_path / "config/certificates/meter.xml") == []
+
+
+def test_a_number_that_is_missing_is_none_of_a_quantity_that_is_not_used(bench_with):
+    """D-SI 2.2 has NaN for a number."""
+    quantity = METER[METER.index("<dcc:quantity") : METER.index("</dcc:quantity>") + len("</dcc:quantity>")]
+    other = re.sub(r"<si:value>[^<]*<", "<si:value>NaN<", re.sub('refType="[^"]*"', 'refType="other"', quantity))
+    assert bench_with((quantity, quantity + other)).devices["dvm"].calibration.U.gain == 8e-6
+
+
+def test_a_part_of_an_item_is_one_of_its_items(bench_with, tmp_path):
+    item = METER[METER.index("<dcc:item>") : METER.index("</dcc:item>") + len("</dcc:item>")]
+    whole = item.replace("SIM-3458A-01", "SYSTEM-1").replace(
+        "</dcc:item>", f"<dcc:subItems>{item}</dcc:subItems></dcc:item>"
+    )
+    bench_with((item, whole), ('schemaVersion="3.1.2"', 'schemaVersion="3.3.0"'))
+    path = tmp_path / "config/certificates/meter.xml"
+    found = read_certificate(path)
+    assert found.serials == ("SYSTEM-1", "SIM-3458A-01")
+    assert len(found.items) == 2
+    assert errors(path) == []
+
+
 def test_standard_uncertainties_are_read_with_k_1(bench_with):
     standard = """<si:coverageInterval>
                 <si:standardUnc>4e-6</si:standardUnc>
@@ -201,7 +303,8 @@ def test_a_period_of_validity_gives_the_due_date(bench_with):
         ([(r"\micro\volt</", r"\furlong</")], r"has the unit \furlong, which this program does not know"),
         ([(UNCERTAINTY, "")], "'Correction relative to the reading' has no uncertainty"),
         ([("8e-6", "eight")], "'eight' is not a decimal number"),
-        ([("8e-6", "NaN")], "'NaN' is not a decimal number"),
+        ([("8e-6", "NaN")], "'Correction relative to the reading' has no number"),
+        ([("8e-6", "inf")], "'inf' is not a decimal number"),
         ([("8e-6", "-8e-6")], "uncertainty below 0"),
         ([("<si:coverageFactor>2<", "<si:coverageFactor>0<")], "coverage factor that is not above 0"),
         ([("itb_gain", "itb_gian")], "no quantity 'itb_gian'; did you mean 'itb_gain'?"),
@@ -215,6 +318,7 @@ def test_a_period_of_validity_gives_the_due_date(bench_with):
         ([("digitalCalibrationCertificate", "certificate")], "is no digital calibration certificate"),
         ([("</dcc:administrativeData>", "")], "is not XML"),
         ([("<dcc:declaration>", "<dcc:valid>false</dcc:valid><dcc:declaration>")], "states that it is not valid: Next"),
+        ([("<dcc:declaration>", "<dcc:validXMLList>true 0</dcc:validXMLList><dcc:declaration>")], "is not valid: Next"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_with_file_and_line(bench_with, edits, words):

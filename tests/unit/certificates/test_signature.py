@@ -180,7 +180,7 @@ def test_the_command_signs_with_the_key_of_a_station_and_reads_it_back(smoke_cop
 
 def test_a_station_issues_it_with_the_report_and_binds_both(smoke_copy, tmp_path):
     database, key = Database(tmp_path), key_files(tmp_path)
-    found = approved(SignOff(database, "L3", LABORATORY), smoke_copy, ISSUE._replace(key=key, dcc=True))
+    found = approved(SignOff(database, "L3", LABORATORY), smoke_copy, ISSUE._replace(key=key, dcc="3.1.2"))
     database.close()
     report, made = (smoke_copy / issued_name(found.report, form) for form in ("html", "xml"))
     assert {report.name, made.name} <= set(found.binds)
@@ -193,7 +193,7 @@ def test_a_station_issues_it_with_the_report_and_binds_both(smoke_copy, tmp_path
 def test_a_station_approves_what_can_have_no_certificate(smoke_copy, tmp_path):
     """A run without the laboratory that a certificate needs."""
     database = Database(tmp_path)
-    found = approved(SignOff(database, "L3", None), smoke_copy, ISSUE._replace(laboratory=None, dcc=True))
+    found = approved(SignOff(database, "L3", None), smoke_copy, ISSUE._replace(laboratory=None, dcc="3.1.2"))
     database.close()
     assert issued_name(found.report, "html") in found.binds
     assert issued_name(found.report, "xml") not in found.binds
