@@ -75,17 +75,20 @@ def test_gain_and_phase_of_a_sweep_are_those_of_the_sensor():
     assert (texts(unit.flags), unit.left_out) == ((), ())
 
 
+@pytest.mark.slow
 def test_a_fast_sweep_without_its_correction_is_seen(monkeypatch):
     monkeypatch.setattr(chirp, "_settled", lambda windows: np.array([each.output / each.angle for each in windows]))
     assert np.sqrt(np.mean(ratios(gyro(swept(PER_DEG * filtered(angle_deg())))) ** 2)) > 2.5
 
 
+@pytest.mark.slow
 def test_the_play_of_a_converter_is_taken_out_of_its_counts():
     few = swept(PER_DEG / 8 * filtered(angle_deg()))  # 6 to 25 pulses, counted with a play of one
     assert np.sqrt(np.mean(ratios(gyro(few, scale=f"{PER_DEG / 8} pulse/°")) ** 2)) < 1.8
     assert np.mean(ratios(gyro(few, scale=f"{PER_DEG / 8} pulse/°", play="0 pulse"))) < -3
 
 
+@pytest.mark.slow
 def test_windows_of_too_few_pulses_are_left_out_and_the_others_hold():
     """From 8 pulses down to 1: the play is a large part, and the same steps repeat from period to period."""
     few = swept(PER_DEG / 50 * filtered(angle_deg()))

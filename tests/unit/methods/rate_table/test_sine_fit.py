@@ -176,6 +176,7 @@ def counted(rng, per_period):
 
 
 @pytest.mark.lengthy
+@pytest.mark.slow
 def test_steps_of_counting_are_in_the_uncertainty(rng):
     """Whole numbers in a period are the trap: all periods have the same error, and nothing shows it."""
     for per_period, least, most in ((3.0, 0.6, 1.4), (2.5, 0.6, 1.4), (np.sqrt(8), 0.3, 1.4)):

@@ -209,6 +209,7 @@ def test_the_play_is_taken_out_of_twice_the_frequency_too():
 
 
 @pytest.mark.lengthy
+@pytest.mark.slow
 def test_what_counts_with_play_are_off_is_in_the_uncertainty():
     """Where they turn round they stand still for a pulse: twice as far off as those of a counter without play."""
     ratios = []
@@ -242,6 +243,7 @@ def test_without_play_or_without_reversals_nothing_changes(amplitude, drift, pla
 
 
 @pytest.mark.lengthy
+@pytest.mark.slow
 def test_of_a_stroke_of_too_few_pulses_nothing_is_right_and_of_more_everything():
     """Below 1.8 pulses the counts move by less than the play, and the fit finds a half of what there is."""
     rng = np.random.default_rng(5)
