@@ -175,16 +175,41 @@ def measured(folder: Path, units: int, *, raw: bool, beside: bool) -> dict[str, 
     return found
 
 
+def picture(found: list[dict[str, float]], path: Path) -> None:
+    """Draw the times over the number of runs."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    axes = figure.subplots()
+    runs = [each["runs"] for each in found]
+    names = {
+        "trend_s": "trend of one result of a unit",
+        "history_s": "all results of a unit",
+        "drifts_s": "drift of a type",
+    }
+    for name, words in names.items():
+        axes.loglog(runs, [each[name] for each in found], marker="o", label=words)
+    axes.set(xlabel="runs in the archive", ylabel="time / s")
+    axes.grid(visible=True, which="both", alpha=0.3)
+    axes.legend()
+    figure.savefig(path, metadata={"Date": None})
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, required=True)
     parser.add_argument("--runs", type=int, nargs="+", default=[1000, 10_000])
     parser.add_argument("--raw", action="store_true", help="also write a file of readings for each run")
     parser.add_argument("--beside", action="store_true", help="also ask SQLite")
+    parser.add_argument("--picture", type=Path, help="draw the times to this file")
     given = parser.parse_args()
+    every = []
     for runs in given.runs:
         found = measured(given.folder / str(runs), runs // (YEARS * PER_YEAR), raw=given.raw, beside=given.beside)
+        every.append(found)
         print(json.dumps({"day": f"{wall_utc():%Y-%m-%d}", **found}), flush=True)
+    if given.picture is not None:
+        picture(every, given.picture)
 
 
 if __name__ == "__main__":

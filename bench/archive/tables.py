@@ -105,7 +105,12 @@ class Tables:
                 if len(table.file_uris([(PARTITION, "=", str(year))])) > 1
             ]
             for year in years:
-                table.optimize.z_order(list(SORTED_BY[name]), partition_filters=[(PARTITION, "=", str(year))])
+                table.optimize.z_order(  # by one column: a curve over several would spread each unit over all groups
+                    [SORTED_BY[name][0]], partition_filters=[(PARTITION, "=", str(year))],
+                    writer_properties=deltalake().WriterProperties(
+                        compression="ZSTD", max_row_group_size=ROWS_OF_GROUP
+                    ),
+                )  # fmt: skip
             table.vacuum(dry_run=False)
             table.create_checkpoint()
             return before, len(self.open(name).file_uris())
