@@ -196,6 +196,7 @@ def test_commands_and_replies_are_no_benches():
     assert told.cards() == []
 
 
+@pytest.mark.slow
 def test_the_memory_of_a_flood_is_small():
     told = Told()
     long = "\U0001f600" * 100_000

@@ -58,6 +58,7 @@ def _note(event, arguments):
 sys.addaudithook(_note)  # notes nothing outside the tests of this file
 
 
+@pytest.mark.slow
 def test_none_of_five_thousand_paths_leads_out_of_the_station(tmp_path):
     chosen = random.Random(1).sample(list(strings()), 5000)
     told, opened = [], set[str]()
