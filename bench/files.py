@@ -67,14 +67,14 @@ def write_both(first: Path, first_data: bytes, second: Path, second_data: bytes)
         raise StoreError(f"{second}: cannot be written ({problem})") from problem
 
 
-def append_line(path: Path, text: str, mode: int | None = None) -> None:
+def append_line(path: Path, text: str, mode: int | None = None, permissions: int = 0o600) -> None:
     """Append a line durably, on a new line if a power cut has truncated the last one. Raises OSError.
 
-    With a `mode`, for files that other users may write, links and devices are refused and the mode is set whatever the
-    umask.
+    A new file gets the `permissions`, less the umask. With a `mode`, for files that other users may write, links and
+    devices are refused and the mode is set whatever the umask.
     """
     shared = 0 if mode is None else os.O_NOFOLLOW | os.O_NONBLOCK
-    lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | shared, 0o600)
+    lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | shared, permissions)
     try:
         found = os.fstat(lines)
         if mode is not None:

@@ -19,6 +19,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from bench.archive.libraries import obstore
+from bench.client.address import LOOPBACK
 from bench.clock import wall_utc
 from bench.errors import InputError, StoreError
 
@@ -33,7 +34,6 @@ _NAMES = {  # as both libraries spell them; other variables of these prefixes ar
     "AZURE_STORAGE_CLIENT_SECRET", "AZURE_STORAGE_TENANT_ID",
 }  # fmt: skip
 MOST_SHOWN = 300  # characters of an answer
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ADVICE = (  # of what a store answers, in lower case: what to do
     ("no space left", "it is full: free space there; the push can be repeated"),
     ("quota", "it is full: free space there or raise its quota; the push can be repeated"),
@@ -106,24 +106,21 @@ class Destination:
     def chunks(self, name: str) -> Iterator[bytes]:
         """Yield the content of a large object. Raises StoreError if there is none as well."""
         with self._errors(name):
-            yield from map(bytes, obstore().get(self._store, name).stream(min_chunk_size=CHUNK_BYTES))
+            yield from self._stream(name)
+
+    def _stream(self, name: str) -> Iterator[bytes]:
+        return map(bytes, obstore().get(self._store, name).stream(min_chunk_size=CHUNK_BYTES))
 
     def digest(self, name: str) -> str | None:
         """Return the SHA-256 of an object as it is read back, with the prefix `sha256:`; None if there is none."""
-        if self.size(name) is None:
-            return None
         found = hashlib.sha256()
-        for chunk in self.chunks(name):
-            found.update(chunk)
-        return f"sha256:{found.hexdigest()}"
-
-    def size(self, name: str) -> int | None:
-        """Return the size of an object in bytes, or None if there is none."""
         with self._errors(name):
             try:
-                return int(obstore().head(self._store, name)["size"])
+                for chunk in self._stream(name):
+                    found.update(chunk)
             except FileNotFoundError:
                 return None
+        return f"sha256:{found.hexdigest()}"
 
     def names(self, prefix: str) -> Iterator[str]:
         """Yield the names of the objects below a prefix."""
@@ -157,14 +154,13 @@ class Destination:
             raise InputError(f"{self.url}: there is no archive; 'bench archive push RUN {self.url}' begins one")
         self._check(about)
 
-    def begin(self) -> bool:
-        """Begin an archive if there is none; return True if it is new."""
-        content = {"schema": SCHEMA, "id": uuid.uuid4().hex, "begun": wall_utc().isoformat(timespec="seconds")}
-        if (about := self.read(ABOUT)) is None and self.create(ABOUT, json.dumps(content).encode()):
-            return True
-        if about is not None:
+    def begin(self) -> None:
+        """Begin an archive if there is none."""
+        if (about := self.read(ABOUT)) is not None:
             self._check(about)
-        return False
+            return
+        content = {"schema": SCHEMA, "id": uuid.uuid4().hex, "begun": wall_utc().isoformat(timespec="seconds")}
+        self.create(ABOUT, json.dumps(content).encode())
 
     def _check(self, about: bytes) -> None:
         try:

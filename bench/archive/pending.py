@@ -24,7 +24,7 @@ def pending_runs(runs: Path, destination: Destination, *, approved: bool = False
         is_approved = (run.path / APPROVAL).is_file()
         if approved and not is_approved:
             continue
-        there = known.get(identity_of(run.path))
+        there = known.get(identity_of(run.path, run.manifest))
         if there is None or (is_approved and not there):
             found.append(run.path)
     return found

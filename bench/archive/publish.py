@@ -27,6 +27,7 @@ from bench.files import content_hash
 from bench.reduce.stored_run import open_run
 from bench.report.export.parquet import export_parquet
 from bench.report.revision import writing
+from bench.store.database import FILE_NAME
 from bench.store.kept_json import read_kept
 from bench.store.manifest_form import WHOLE_FORM
 from bench.store.runs import MANIFEST, SEAL
@@ -48,16 +49,10 @@ class Pushed(NamedTuple):
     bytes: int
 
 
-def identity_of(run: Path) -> str:
+def identity_of(run: Path, manifest: Mapping[str, Any]) -> str:
     """Return the identity of a run wherever its folder is: its UUID, for older runs the digest of its seal."""
-    manifest = read_kept(run / MANIFEST, WHOLE_FORM)
     found = manifest.get("uuid")
     return str(found) if found else hashlib.sha256((run / SEAL).read_bytes()).hexdigest()[:32]
-
-
-def folder_of(run: Path) -> str:
-    """Return the folder of a run in an archive."""
-    return f"runs/{read_kept(run / MANIFEST, WHOLE_FORM)['run']}_{identity_of(run)[:8]}"
 
 
 def push(run: Path, destination: Destination, *, watch: Callable[[str], None] = lambda _: None) -> Pushed:
@@ -75,14 +70,18 @@ def push(run: Path, destination: Destination, *, watch: Callable[[str], None] = 
 def _expect_sealed(run: Path) -> None:
     record = examine(run)
     if record.damage:
-        raise InputError(f"{run}: the record is damaged and is not archived: {record.damage[0]}; see 'bench verify'")
+        raise InputError(
+            f"{run}: the record is damaged and is not archived: {record.damage[0]}; see 'bench runs verify'"
+        )
     if record.kind != "sealed":
         raise InputError(f"{run}: {record.in_words}; only the record of an ended run, with its seal, is archived")
 
 
 def _pushed(run: Path, destination: Destination, watch: Callable[[str], None]) -> Pushed:
-    tables, uuid, folder = Tables(destination), identity_of(run), folder_of(run)
-    year = datetime.fromisoformat(read_kept(run / MANIFEST, WHOLE_FORM)["started"]).year
+    tables, manifest = Tables(destination), read_kept(run / MANIFEST, WHOLE_FORM)
+    uuid, year = identity_of(run, manifest), datetime.fromisoformat(manifest["started"]).year
+    name_there = f"{manifest['run']}_{uuid[:8]}"
+    folder = f"runs/{name_there}"
     files = dict(_files(run))
     digest = _digest(files)
     claims = _claims(destination, folder)
@@ -90,12 +89,12 @@ def _pushed(run: Path, destination: Destination, watch: Callable[[str], None]) -
     if number is not None and tables.holds("runs", uuid, number, year):
         return Pushed(run.name, folder, number, True, 0, 0)
     objects = dict(_written_files(run, folder, files, destination, watch))
-    objects |= _written_data(run, folder, destination, watch)
+    objects |= _written_data(run, folder, files[FILE_NAME], destination, watch)
     number, claim = _claimed(destination, folder, digest)
     publication = Publication(uuid, number, folder, objects, claim)
-    for name, rows in rows_of(run, publication).items():
+    for name, rows in rows_of(run, manifest, publication).items():
         if not tables.holds(name, uuid, number, year):
-            tables.append(name, rows, f"{folder.partition('/')[2]}-v{number:04}")
+            tables.append(name, rows, f"{name_there}-v{number:04}")
         watch(f"tables/{name}")
     return Pushed(run.name, folder, number, False, len(objects), sum(each["bytes"] for each in objects.values()))
 
@@ -143,20 +142,19 @@ def _written_files(
     run: Path, folder: str, files: Mapping[str, str], destination: Destination, watch: Callable[[str], None]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, digest in files.items():
-        place = f"{folder}/files/{digest.removeprefix('sha256:')[:16]}/{name}"
+        place = f"{folder}/files/{_short(digest)}/{name}"
         yield name, _written(run / name, place, digest, destination)
         watch(place)
 
 
 def _written_data(
-    run: Path, folder: str, destination: Destination, watch: Callable[[str], None]
+    run: Path, folder: str, database: str, destination: Destination, watch: Callable[[str], None]
 ) -> dict[str, dict[str, Any]]:
     """Write the data of a run as Parquet, in a folder by the digest of its database."""
     found = {}
-    database = file_hash(run / "run.db").removeprefix("sha256:")[:16]
     with tempfile.TemporaryDirectory() as scratch, open_run(run) as stored:
         for path in export_parquet(stored, Path(scratch)):
-            place = f"{folder}/{RAW}/{database}/{path.name}"
+            place = f"{folder}/{RAW}/{_short(database)}/{path.name}"
             found[f"{RAW}/{path.name}"] = _written(path, place, file_hash(path), destination)
             watch(place)
     return found
@@ -164,9 +162,13 @@ def _written_data(
 
 def _written(path: Path, place: str, digest: str, destination: Destination) -> dict[str, Any]:
     """Write a file unless the same is there, and read it back. Raises StoreError if it differs then."""
-    size = path.stat().st_size
-    if destination.size(place) != size or destination.digest(place) != digest:
+    if destination.digest(place) != digest:
         destination.write(place, path)
         if (found := destination.digest(place)) != digest:
             raise StoreError(f"{destination.url}/{place}: reads back as {found} where {digest} was written")
-    return {"object": place, "sha256": digest.removeprefix("sha256:"), "bytes": size}
+    return {"object": place, "sha256": digest.removeprefix("sha256:"), "bytes": path.stat().st_size}
+
+
+def _short(digest: str) -> str:
+    """Return the part of a SHA-256 that is in the name of a folder."""
+    return digest.removeprefix("sha256:")[:16]

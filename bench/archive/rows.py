@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,9 +14,6 @@ from bench.archive.libraries import arrow
 from bench.report.approval import approval_of
 from bench.station.runs.findings import RESULTS, FindingView, read_findings
 from bench.station.units.history import Identities, shared_errors, without_place
-from bench.store.kept_json import read_kept
-from bench.store.manifest_form import WHOLE_FORM
-from bench.store.runs import MANIFEST
 
 Row = dict[str, Any]
 
@@ -40,21 +37,18 @@ class Publication(NamedTuple):
     claim: Claim
 
 
-def rows_of(run: Path, publication: Publication, results: Path | None = None) -> dict[str, Any]:
-    """Return an Arrow table for each table of an archive. Raises StoreError.
-
-    `results` is the folder of other results than those of the run itself.
-    """
-    manifest = read_kept(run / MANIFEST, WHOLE_FORM)
+def rows_of(run: Path, manifest: Mapping[str, Any], publication: Publication) -> dict[str, Any]:
+    """Return an Arrow table for each table of an archive. Raises StoreError."""
     started = datetime.fromisoformat(manifest["started"])
     keys = {
         "uuid": publication.uuid, "version": publication.number, "run": manifest["run"], "started": started,
         PARTITION: started.year,
     }  # fmt: skip
     approval = approval_of(run)
+    results, places = read_findings(run) if (run / RESULTS).exists() else ([], {})
     found = {
-        "findings": list(_findings(results or run, manifest)),
-        "budgets": list(_budgets(results or run)),
+        "findings": list(_findings(results, places, manifest)),
+        "budgets": list(_budgets(results)),
         "instruments": list(_instruments(manifest)),
         "certificates": [_certificate(approval, manifest)] if approval is not None else [],
         "runs": [_run(manifest, approval, publication)],
@@ -90,12 +84,9 @@ def _units(manifest: Mapping[str, Any]) -> str:
     return ", ".join(unit["uut"] for unit in manifest["units"])
 
 
-def _findings(results: Path, manifest: Mapping[str, Any]) -> Iterator[Row]:
-    if not (results / RESULTS).exists():
-        return
-    found, places = read_findings(results)
+def _findings(results: Sequence[FindingView], places: Iterable[str], manifest: Mapping[str, Any]) -> Iterator[Row]:
     identities = Identities(manifest)
-    for each in found:
+    for each in results:
         shared = {_short(name): u for name, u in shared_errors(identities, each)}
         yield {
             "uut": each.uut, "sequence": manifest["sequence"], "simulated": bool(manifest.get("simulated")),
@@ -118,10 +109,8 @@ def _temperature(finding: FindingView) -> float | None:
     return float(found) if isinstance(found, int | float) else None
 
 
-def _budgets(results: Path) -> Iterator[Row]:
-    if not (results / RESULTS).exists():
-        return
-    for each in read_findings(results)[0]:
+def _budgets(results: Sequence[FindingView]) -> Iterator[Row]:
+    for each in results:
         for line in each.budget:
             yield {
                 "uut": each.uut, "id": each.id, "quantity": each.quantity, "unit": each.unit, "source": line.source,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +14,7 @@ from bench.errors import InputError
 from bench.figures.columns import in_columns
 from bench.figures.numbers import scale_shown, with_expanded
 from bench.files import atomic_file
-from bench.report.export.csv_cells import harmless
+from bench.report.export.csv_cells import harmless, write_csv
 from bench.station.units.history import SeriesView, UnitHistory
 
 WIDEST = 60  # characters of a cell on a terminal
@@ -47,16 +46,11 @@ def written(archive: Archive, sql: str, out: Path) -> Path:
     if out.suffix not in (".csv", ".parquet"):
         raise InputError(f"--out {out}: expected a name that ends in .csv or .parquet")
     if out.suffix == ".parquet":
-        found = archive.arrow(sql)
         with atomic_file(out) as draft:
-            parquet().write_table(found, draft, compression="zstd")
+            parquet().write_table(archive.arrow(sql), draft, compression="zstd")
         return out
-    rows = archive.query(sql)
-    with atomic_file(out) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(rows.columns)
-        writer.writerows([harmless(each) if isinstance(each, str) else each for each in row] for row in rows.rows)
-    return out
+    found = archive.query(sql)
+    return write_csv(out, [found.columns, *(map(harmless, row) for row in found.rows)])
 
 
 def history_lines(found: UnitHistory) -> Iterator[str]:
@@ -76,7 +70,7 @@ def _series_lines(series: SeriesView) -> Iterator[str]:
     rows = [
         (
             each.at.date().isoformat(), with_expanded(each.value * scale, each.expanded * scale), each.verdict or "",
-            "" if each.e_n is None else f"E_n {each.e_n:+.2f}{' !' if abs(each.e_n) > BEYOND else ''}", each.run,
+            "" if each.e_n is None else f"E_n {_e_n(each.e_n)}", each.run,
         )
         for each in series.points
     ]  # fmt: skip
@@ -92,10 +86,14 @@ def compared_lines(found: Sequence[Compared]) -> Iterator[str]:
     """Lines of two runs side by side."""
     rows: list[Sequence[str]] = [("result", "first", "second", "difference", "unit", "E_n")]
     for each in found:
-        e_n = "" if each.e_n is None else f"{each.e_n:+.2f}{' !' if abs(each.e_n) > BEYOND else ''}"
         values = [_number(each.first), _number(each.second), _number(each.difference)]
-        rows.append((each.result, *values, each.unit, e_n))
+        rows.append((each.result, *values, each.unit, "" if each.e_n is None else _e_n(each.e_n)))
     yield from in_columns(rows, "<>>><>", indent="")
+
+
+def _e_n(value: float) -> str:
+    """E_n of two results, marked if they differ."""
+    return f"{value:+.2f}{' !' if abs(value) > BEYOND else ''}"
 
 
 def _number(value: float | None) -> str:
@@ -103,5 +101,5 @@ def _number(value: float | None) -> str:
 
 
 def due_lines(found: Sequence[Due]) -> Iterator[str]:
-    """Lines on what is due."""
+    """Lines on instruments and units that are due."""
     yield from in_columns([(each.when.isoformat(), each.what, each.why) for each in found], "<<<", indent="")

@@ -113,7 +113,7 @@ _DUE_SIMULATED = _DUE.replace("NOT simulated AND ", "")
 
 
 def due(archive: Archive, days: int, *, simulated: bool = False) -> list[Due]:
-    """Return what is due within some days, the earliest first.
+    """Return the instruments and units that are due within some days, the earliest first.
 
     Certificates of instruments are those of their last runs. A unit is due when the expanded uncertainty of its drift
     may reach a limit; units with fewer than two calibrations have none. Simulated ones count if asked for.

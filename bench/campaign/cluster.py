@@ -17,11 +17,11 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from bench.campaign.local_cluster import Workers
+from bench.client.address import LOOPBACK
 from bench.errors import BenchError, InputError
 from bench.files import expect_private
 from bench.optional import imported
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 CONNECTS_WITHIN_S = 30.0
 KILLS = 3  # of workers, after which the task that they had is taken for the cause
 HERE = {  # configuration of a cluster of this computer

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bench.campaign.tasks import Result, Task
 from bench.errors import InUseError, StoreError
-from bench.files import make_folder, sync_folder
+from bench.files import append_line, make_folder, sync_folder
 
 RESULTS, DIFFERING = "results.jsonl", "differing.jsonl"
 
@@ -105,16 +105,7 @@ def _read(path: Path) -> Iterator[Result]:
 def _append(path: Path, results: Sequence[Result]) -> None:
     is_new = not path.exists()
     try:
-        lines = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
-        try:
-            size = os.fstat(lines).st_size
-            torn = size > 0 and os.pread(lines, 1, size - 1) != b"\n"
-            data = ("\n" * torn + "".join(f"{result.to_line()}\n" for result in results)).encode()
-            if os.write(lines, data) != len(data):
-                raise OSError("the disk is full")
-            os.fsync(lines)
-        finally:
-            os.close(lines)
+        append_line(path, "\n".join(result.to_line() for result in results), permissions=0o644)
         if is_new:
             sync_folder(path.parent)
     except OSError as problem:

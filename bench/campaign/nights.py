@@ -73,7 +73,7 @@ class Faults:
         """All nights."""
         return self._tasks
 
-    def told(self, known: Known, out: Path) -> Iterator[str]:
+    def lines(self, known: Known, out: Path) -> Iterator[str]:
         """Lines: how the nights ended, and each that is not as it should be, with the command that plays it again."""
         ends, wrong = Counter[str](), 0
         for task in self._tasks:

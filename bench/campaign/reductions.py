@@ -6,7 +6,6 @@ the program. Changes are shown from a tenth of the standard uncertainty.
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -18,10 +17,9 @@ from bench.archive.query import Archive, opened
 from bench.campaign.isolation import isolate
 from bench.campaign.tasks import Known, Task
 from bench.figures.columns import in_columns
-from bench.files import atomic_file
 from bench.reduce.reduced_again import reduced_again
 from bench.reduce.stored_run import open_run
-from bench.report.export.csv_cells import harmless
+from bench.report.export.csv_cells import harmless, write_csv
 
 SHOWN_FROM = 0.1  # of the standard uncertainty
 CHANGES = "changes.csv"
@@ -52,14 +50,11 @@ class Reductions:
         """One for each run."""
         return self._tasks
 
-    def told(self, known: Known, out: Path) -> Iterator[str]:
+    def lines(self, known: Known, out: Path) -> Iterator[str]:
         """Table of changes, also as a CSV file, and counts."""
         found = [result.content for task in self._tasks if (result := known(task)) is not None and result.is_finished]
         rows = [row for content in found for row in _rows(content)]
-        with atomic_file(out / CHANGES) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(HEADER)
-            writer.writerows([harmless(cell) for cell in row] for row in rows)
+        write_csv(out / CHANGES, [HEADER, *(map(harmless, row) for row in rows)])
         if rows:
             yield from in_columns([HEADER, *rows], "<<<>>>>><<", indent="")
         below = sum(not is_shown(change) for content in found for change in content["changes"])

@@ -80,7 +80,7 @@ class Campaign(Protocol):
     def tasks(self, known: Known) -> Sequence[Task]:
         """Return all tasks that are wanted by what is known; results may make further ones necessary."""
 
-    def told(self, known: Known, out: Path) -> Iterable[str]:
+    def lines(self, known: Known, out: Path) -> Iterable[str]:
         """Lines on the results; files for people are written to `out`."""
 
     def exit_code(self, known: Known) -> int:

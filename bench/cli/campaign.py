@@ -117,15 +117,15 @@ def _carried_out(
         except KeyboardInterrupt:
             remark(f"interrupted; what is done is in {folder}, and the same command goes on")
             return ABORTED
-        return _told(campaign, kept)
+        return _shown(campaign, kept)
 
 
-def _told(campaign: Campaign, kept: Ledger) -> int:
+def _shown(campaign: Campaign, kept: Ledger) -> int:
     """Write the results, and what went wrong; return the exit code."""
     tasks = campaign.tasks(kept.known)
     failed = [result for task in tasks if (result := kept.known(task)) is not None and not result.is_finished]
     differing = kept.differing(tasks)
-    say(*campaign.told(kept.known, kept.folder))
+    say(*campaign.lines(kept.known, kept.folder))
     remark(
         *(
             f"{result.key}: failed on {result.worker or 'a worker'}: {result.problem}"

@@ -13,6 +13,7 @@ from bench.store.user_state import state_folder
 
 FOLDER = "station"  # below the folder of the user's state
 WHERE, TOKEN = "station.json", "token"
+LOOPBACK = ("localhost", "127.0.0.1", "::1")  # hosts that are this computer
 URL_VARIABLE, TOKEN_VARIABLE, CERTIFICATE_VARIABLE = "BENCH_STATION", "BENCH_TOKEN", "BENCH_CERTIFICATE"
 _THIS_COMPUTER = {"//0.0.0.0:": "//127.0.0.1:", "//[::]:": "//[::1]:"}
 

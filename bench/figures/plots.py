@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.figures.languages import tr
@@ -127,8 +126,7 @@ class Scale:
 
     def _curve(self, model: TemperatureModel) -> Curve:
         def at(temperature_c: Array) -> Array:
-            value = polynomial.polyval((temperature_c - model.centre) / model.scale, model.coefficients)
-            return np.asarray((value - self.zero) * self.factor)
+            return np.asarray((model.at(temperature_c) - self.zero) * self.factor)
 
         return Curve(len(model.coefficients) - 1, model.dof, model.valid_c, at)
 

@@ -56,6 +56,11 @@ def beyond_possible(temperature_c: Array) -> NDArray[np.bool_]:
     return (temperature_c < POSSIBLE_C[0]) | (temperature_c > POSSIBLE_C[1])
 
 
+def usable(temperature_c: Array) -> NDArray[np.bool_]:
+    """Mask of readings (n,) that are there and possible."""
+    return np.isfinite(temperature_c) & ~beyond_possible(temperature_c)
+
+
 def rates_c_per_s(time_s: Array, temperature_c: Array, samples: int, every: int = 1) -> Array:
     """Slopes of lines through consecutive `samples` of (n,): (n - samples + 1,), or every `every`-th."""
     time_s, temperature_c = (sliding_window_view(column, samples)[::every] for column in (time_s, temperature_c))

@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.metrology.least_squares import Array
 from bench.metrology.results.flag import TOO_FEW_TEMPERATURES
-from bench.metrology.temperature_checks import beyond_possible
+from bench.metrology.temperature_checks import beyond_possible, usable
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +97,17 @@ def compare_tilt_of_two(
     sample, so that a tilt near ±180° has no jump.
     """
     along_v, across_v = outputs_v
-    usable = np.isfinite(temperature_c) & np.isfinite(along_v) & np.isfinite(across_v) & ~beyond_possible(temperature_c)
-    if not usable.any():
+    known = usable(temperature_c) & np.isfinite(along_v) & np.isfinite(across_v)
+    if not known.any():
         return TiltOfTwoComparison(None, None, None, None, None)
     along, across = (TiltAxis(each.scale_v_per_g, 0.0, 0.0, 0.0, 0.0) for each in models)
     found = []
     for biases_v in (
         [each.nominal_bias_v for each in models],
-        [each.bias_v[0] + each.bias_v[1] * temperature_c[usable] for each in models],
+        [each.bias_v[0] + each.bias_v[1] * temperature_c[known] for each in models],
     ):
         tilt = tilt_of_two(
-            along, across, along_v[usable] - biases_v[0], across_v[usable] - biases_v[1], skew_rad=skew_rad,
+            along, across, along_v[known] - biases_v[0], across_v[known] - biases_v[1], skew_rad=skew_rad,
             u_skew_rad=u_skew_rad,
         )  # fmt: skip
         found.append((np.unwrap(tilt.tilt_deg, period=360.0), tilt.u_deg))

@@ -1,4 +1,4 @@
-"""Tilt of an object by two accelerometers at right angles over temperature: what their calibrations leave (6.4).
+"""Error of a tilt by two compensated accelerometers at right angles, over temperature (6.4).
 
 The error of the tilt is that which both indicate less that of the head. A constant error of the head or of the level is
 removed, as an object is set to zero once. Readings may be converted in several ways: by constants, by the curves of the
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from bench.metrology.least_squares import Array
 from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, Subject, UnitResult
 from bench.metrology.results.flag import Flag
-from bench.metrology.run_data import UnitUnderTest
+from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.tilt import TiltAxis, tilt_of_two
 from bench.metrology.tilt_findings import SCATTER, SELECTION
 
@@ -165,14 +166,30 @@ def is_square(along_rad: float, across_rad: float) -> bool:
     return abs(apart_deg - RIGHT_ANGLE_DEG) < WITHIN_DEG
 
 
-def with_pair(
+Together = Callable[[RunData, TiltPairRecord, tuple[UnitUnderTest, UnitUnderTest], tuple[Of, Of]], TiltOfTwo | None]
+"""Function that brings together what is reduced of both units of a pair."""
+
+
+def with_pairs(
+    data: RunData, reduced: Sequence[tuple[UnitResult, Of | None]], tilt_of: Together[Of]
+) -> list[UnitResult]:
+    """Results of all units of a run; those of a pair that measures a tilt together are among those of its first unit.
+
+    `reduced` is the result of each unit and what is reduced of it, None without a result.
+    """
+    places = {unit.place: (unit, of) for unit, (_, of) in zip(data.units, reduced, strict=True)}
+    results = {unit.place: result for unit, (result, _) in zip(data.units, reduced, strict=True)}
+    for pair in data.bench.tilt_pairs:
+        if pair.along in results:
+            results[pair.along] = _with_pair(results[pair.along], pair, places, partial(tilt_of, data, pair))
+    return list(results.values())
+
+
+def _with_pair(
     result: UnitResult, pair: TiltPairRecord, places: Mapping[str, tuple[UnitUnderTest, Of | None]],
     tilt_of: Callable[[tuple[UnitUnderTest, UnitUnderTest], tuple[Of, Of]], TiltOfTwo | None],
 ) -> UnitResult:  # fmt: skip
-    """The result of the first unit of a pair with those of both, or with the reason for none.
-
-    `places` are the units of a run by place, each with what is reduced of it, None without a result.
-    """
+    """The result of the first unit of a pair with those of both, or with the reason for none."""
     if pair.across not in places:
         return result
     (first, own), (second, other) = places[pair.along], places[pair.across]

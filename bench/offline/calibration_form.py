@@ -38,9 +38,8 @@ class _Polynomial(Tolerant):
             return self
         at_c = np.linspace(self.centre - self.scale, self.centre + self.scale, 1 + len(self.coefficients))
         powers = np.polynomial.polynomial.polyval(at_c, self.powers_of_t)
-        curve = np.polynomial.polynomial.polyval((at_c - self.centre) / self.scale, self.coefficients)
         size = np.abs(self.powers_of_t) @ np.max(np.abs(at_c)) ** np.arange(len(self.powers_of_t))
-        if not np.allclose(powers, curve, rtol=0, atol=SAME_CURVE * size):
+        if not np.allclose(powers, self.curve().at(at_c), rtol=0, atol=SAME_CURVE * size):
             raise telling("coefficients and powers_of_T are not the same curve: the file was edited")
         return self
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bench.errors import InputError
 from bench.metrology.least_squares import SIGMA_PER_MAD
 from bench.metrology.motion_records import GAP, MOST_BRIDGED, CountRecord, Record
-from bench.metrology.temperature_checks import beyond_possible
+from bench.metrology.temperature_checks import usable
 from bench.offline.number_columns import read_numbers
 from drivers.schema.suggest import did_you_mean
 
@@ -136,14 +136,14 @@ def _expect_increasing(path: Path, time_s: Array) -> None:
 def _temperature_c(path: Path, columns: Mapping[str, Array], name: str) -> Array:
     """Temperature (n,) of each row, linear in time between those that have a possible one, and constant beyond."""
     read_c, time_s = columns[name], columns[TIME]
-    usable = np.isfinite(time_s) & np.isfinite(read_c) & ~beyond_possible(read_c)
-    if not usable.any():
+    known = np.isfinite(time_s) & usable(read_c)
+    if not known.any():
         lowest = np.nanmin(read_c) if np.isfinite(read_c).any() else np.nan
         why = "is blank" if np.isnan(lowest) else f"has {lowest:.6g} and more: is it in kelvin? Write °C"
         raise InputError(f"{path.name}: column {name} {why}; the calibration depends on the temperature")
-    if usable.all():
+    if known.all():
         return read_c
-    return np.interp(time_s, time_s[usable], read_c[usable])
+    return np.interp(time_s, time_s[known], read_c[known])
 
 
 def _glitches(output: Array, step: Array | float) -> Mask:

@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
-import aiomqtt
 from pydantic import ValidationError
 
-from bench.clock import Stopwatch, wall_utc
+from bench.clock import wall_utc
 from bench.errors import BenchError, InputError
 from bench.overview.fold import Overview
-from bench.station.mqtt.connection import Backoff, Client, connecting
+from bench.station.mqtt.connection import Client, connected_always, connecting
 from bench.station.mqtt.first import until_one_ends
 from bench.station.mqtt.settings import MqttSettings, with_files
 
@@ -27,7 +26,6 @@ TOPICS = (
 LONGEST_PACKET = 256 * 1024  # a longer one is not sent by the broker
 SETTLED_S = 5.0  # until all retained messages are there
 AGAIN_S = 600.0  # retained messages are read again
-OF_USE_S = 30.0
 LONGEST_WAIT_S = 10.0  # a person looks at the page
 SCHEMES = {"mqtt": False, "mqtts": True}
 PASSWORD_VARIABLE = "BENCH_BROKER_PASSWORD"  # noqa: S105  its name
@@ -116,21 +114,12 @@ class Subscription:
 
     async def work(self) -> None:
         """Subscribe again and again, until cancelled."""
-        backoff = Backoff()
-        while True:
-            watch = Stopwatch()
-            try:
-                await self._connected()
-            except (aiomqtt.MqttError, BenchError, OSError, ValueError) as problem:
-                self._away(str(problem))
-            if watch.elapsed_s() > OF_USE_S:
-                backoff.reset()
-            await asyncio.sleep(min(backoff.next_s(), LONGEST_WAIT_S))
+        await connected_always(self._connected, self._away, LONGEST_WAIT_S)
 
-    def _away(self, why: str) -> None:
+    def _away(self, problem: Exception) -> None:
         if not self.problem:
             self.since = wall_utc()
-        self.problem = why or "the connection was lost"
+        self.problem = str(problem) or "the connection was lost"
         self._overview.disconnected(wall_utc())
 
     async def _connected(self) -> None:

@@ -10,6 +10,7 @@ from enum import IntEnum
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
+from bench.client.address import LOOPBACK
 from bench.engine.control import OPERATOR
 from bench.overview.facts import name_of
 from bench.overview.fold import (
@@ -22,7 +23,6 @@ from bench.overview.fold import (
     benches_of,
 )
 from bench.overview.received import Alarm, Question, Result, State
-from bench.web.origins import LOOPBACK
 
 SILENT = timedelta(seconds=180)  # three times what a station lets pass between two messages
 GONE = timedelta(hours=24)
@@ -153,7 +153,7 @@ def is_lost(overview: Overview, station: StationSeen, now: datetime) -> bool:
     if station.status != "online":
         return station.status == "offline" or station.heard is None or _is_silent(overview, station, now)
     if station.heard is None and (sign := last_sign(station, now)) is not None and now - sign > GONE:
-        return True  # what is retained is of long ago, unless its clock is wrong: its next message shows that
+        return True  # a retained message is old, unless its clock is wrong, which its next message shows
     return _is_silent(overview, station, now)
 
 

@@ -15,7 +15,7 @@ from bench.metrology.outputs import Measured
 from bench.metrology.pulse_counts import steps_of
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import sampled_at_s
-from bench.metrology.temperature_checks import beyond_possible
+from bench.metrology.temperature_checks import usable
 from bench.offline.motion_series import Series, marked
 from bench.reduce.acquisitions import run_data
 from bench.reduce.stored_run import StoredRun
@@ -144,7 +144,6 @@ def _temperatures_c(
 def _temperature_c(acquisition: Acquisition, name: str, at_s: Array) -> Array:
     """Temperature by a reading at times of the host, linear between its values."""
     read_c, read_s = acquisition.temperatures_c.get(name), acquisition.temperatures_at_s.get(name)
-    usable = np.zeros(0, np.bool_) if read_c is None else np.isfinite(read_c) & ~beyond_possible(read_c)
-    if read_c is None or read_s is None or not usable.any():
+    if read_c is None or read_s is None or not (known := usable(read_c)).any():
         raise InputError(f"{acquisition.step}: there is no reading of {name}, on which the calibration depends")
-    return np.interp(at_s, read_s[usable], read_c[usable])
+    return np.interp(at_s, read_s[known], read_c[known])

@@ -12,6 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.types import ASGIApp
 
+from bench.client.address import LOOPBACK
 from bench.errors import BenchError, InputError, InUseError, StaleError
 from bench.station.leases import LeasedError
 from bench.station.log import Log
@@ -37,7 +38,6 @@ from bench.web.api import (
 from bench.web.guards import Guards
 from bench.web.metrics import Metrics
 from bench.web.observed import Observed
-from bench.web.origins import LOOPBACK
 from bench.web.pages import problems
 from bench.web.pages.routers import ROUTERS
 from bench.web.patience import TooSoonError
@@ -83,7 +83,7 @@ def guarded(
     log: Log | None = None,
 ) -> ASGIApp:  # fmt: skip
     """Return an application behind its guards, for requests to loopback addresses and `hosts`."""
-    return Observed(Guards(app, site.identity, LOOPBACK | frozenset(hosts), secure=secure), metrics, log)
+    return Observed(Guards(app, site.identity, frozenset({*LOOPBACK, *hosts}), secure=secure), metrics, log)
 
 
 async def _in_our_words(request: Request, problem: Exception) -> Response:

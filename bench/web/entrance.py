@@ -6,11 +6,11 @@ import getpass
 
 from fastapi import HTTPException, Request, Response
 
+from bench.client.address import LOOPBACK
 from bench.web.access import Person
 from bench.web.cookies import forget_session, keep_session, secret_of
 from bench.web.guards import address_of, is_this_computer
 from bench.web.identity import Login
-from bench.web.origins import LOOPBACK
 from bench.web.services import Site
 
 

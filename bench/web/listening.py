@@ -14,7 +14,7 @@ from typing import NamedTuple
 import uvicorn
 from starlette.types import ASGIApp
 
-from bench.client.address import TOKEN, WHERE, announcement
+from bench.client.address import LOOPBACK, TOKEN, WHERE, announcement
 from bench.errors import BenchError, InputError
 from bench.files import expect_private, write_atomically
 from bench.web.access import EVERYTHING, Person
@@ -41,7 +41,7 @@ class Listening(NamedTuple):
     @property
     def is_loopback(self) -> bool:
         """True if only this computer can reach it."""
-        return self.host in ("127.0.0.1", "::1", "localhost")
+        return self.host in LOOPBACK
 
 
 def server_of(app: ASGIApp, listening: Listening) -> uvicorn.Server:

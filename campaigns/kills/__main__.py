@@ -94,8 +94,8 @@ def main() -> int:
 
 def kill(nights: Nights, kills: Path, count: int) -> Counter[str]:
     """Kill until so many kills are in a file, or the nights have ended; how many of each."""
-    told = [json.loads(line) for line in kills.read_text("utf-8").splitlines()] if kills.exists() else []
-    for number in range(len(told), count):
+    carried_out = [json.loads(line) for line in kills.read_text("utf-8").splitlines()] if kills.exists() else []
+    for number in range(len(carried_out), count):
         draw = np.random.default_rng(number)
         if not _wait(nights, nights.done() + int(draw.integers(1, MOST_BETWEEN + 1))):
             break
@@ -107,12 +107,12 @@ def kill(nights: Nights, kills: Path, count: int) -> Counter[str]:
             os.kill(pid, signal.SIGKILL)
         if what == "command":
             nights.running().wait()
-        told.append({"number": number, "what": what, "done": nights.done()})
-        append_line(kills, json.dumps(told[-1]))
-        print(f"kill {number + 1}: a {what}, at {told[-1]['done']} results", flush=True)
+        carried_out.append({"number": number, "what": what, "done": nights.done()})
+        append_line(kills, json.dumps(carried_out[-1]))
+        print(f"kill {number + 1}: a {what}, at {carried_out[-1]['done']} results", flush=True)
     while not nights.has_ended():
         nights.running().wait()
-    return Counter(each["what"] for each in told)
+    return Counter(each["what"] for each in carried_out)
 
 
 def _wait(nights: Nights, count: int) -> bool:

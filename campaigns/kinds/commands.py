@@ -33,7 +33,7 @@ def run(words: Sequence[str]) -> Mapping[str, object]:
     return {"status": done.returncode, "printed": printed}
 
 
-def told(tasks: Sequence[Task], known: Known) -> Iterator[str]:
+def lines(tasks: Sequence[Task], known: Known) -> Iterator[str]:
     """What the commands printed."""
     for task in tasks:
         result = known(task)

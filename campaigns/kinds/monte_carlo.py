@@ -71,7 +71,7 @@ class MonteCarlo:
         """Blocks of draws."""
         return [task for name in self.names for task in self._blocks(name)]
 
-    def told(self, known: Known, out: Path) -> Iterator[str]:
+    def lines(self, known: Known, out: Path) -> Iterator[str]:
         """A line for each quantity, and those that are not within their bar."""
         for name in self.names:
             yield from ("", name)

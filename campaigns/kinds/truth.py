@@ -63,9 +63,9 @@ class Truth:
                 found += self._fresh(cell)
         return found
 
-    def told(self, known: Known, out: Path) -> Iterator[str]:
+    def lines(self, known: Known, out: Path) -> Iterator[str]:
         """What commands printed, and a row for each cell."""
-        yield from commands.told(self.commands, known)
+        yield from commands.lines(self.commands, known)
         failed = 0
         for cell in self.cells:
             lines, found = self._decided(cell, known)

@@ -34,7 +34,7 @@ class Wires:
         """A task for each dialect, and blocks of exchanges and acquisitions."""
         return list(self._tasks())
 
-    def told(self, known: Known, out: Path) -> Iterator[str]:
+    def lines(self, known: Known, out: Path) -> Iterator[str]:
         """What became of the faults by dialect, by kind of line, and what should not be there."""
         sums: dict[str, Counter[str]] = defaultdict(Counter)
         for task in self._tasks():

@@ -76,7 +76,7 @@ def test_a_cell_beyond_its_bars_is_decided_by_fresh_seeds():
         known = known_by(bad | {fresh.key: lines(fresh, error_u)})
         assert campaign.tasks(known) == wanted
         assert campaign.exit_code(known) == code
-        told = "\n".join(campaign.told(known, None))
+        told = "\n".join(campaign.lines(known, None))
         assert ("1 cells FAILED" in told) == bool(code)
         assert "20 records" in told
 
@@ -114,7 +114,7 @@ def test_a_command_that_fails_fails_the_campaign(tmp_path):
     for status, code in ((0, 0), (1, 1)):
         known = known_by({task.key: {"status": status, "printed": ["as it was"]}})
         assert campaign.exit_code(known) == code
-        assert "as it was" in list(campaign.told(known, tmp_path))
+        assert "as it was" in list(campaign.lines(known, tmp_path))
 
 
 def test_a_command_is_run_with_its_options():
@@ -137,7 +137,7 @@ def test_blocks_of_draws_are_other_draws_and_add_up():
     assert contents[0] != contents[1]
     sums = [monte_carlo.Sums(*each["threshold"]) for each in contents]
     known = known_by({task.key: content for task, content in zip(tasks, contents, strict=True)})
-    told = "\n".join(campaign.told(known, None))
+    told = "\n".join(campaign.lines(known, None))
     assert f"scatter/u {(sums[0] + sums[1]).ratio:6.3f}" in told
     assert (sums[0] + sums[1]).values == 4
 
@@ -148,7 +148,7 @@ def test_scatter_must_be_within_ten_percent_of_u(ratio, code):
     (task,) = campaign.tasks(NOTHING)
     known = known_by({task.key: {"threshold": [100, 100 * ratio**2, 100.0]}})
     assert campaign.exit_code(known) == code
-    assert bool(re.search("thresholds: threshold", "\n".join(campaign.told(known, None)))) == bool(code)
+    assert bool(re.search("thresholds: threshold", "\n".join(campaign.lines(known, None)))) == bool(code)
 
 
 def test_what_must_not_happen_on_a_wire_fails_the_campaign():
@@ -158,7 +158,7 @@ def test_what_must_not_happen_on_a_wire_fails_the_campaign():
     assert campaign.exit_code(known_by(fine)) == 0
     bad = fine | {"orders to cts": {**content, "unexpected": ["sent twice"]}}
     assert campaign.exit_code(known_by(bad)) == 1
-    told = list(campaign.told(known_by(bad), None))
+    told = list(campaign.lines(known_by(bad), None))
     assert "    sent twice" in told
     assert told[-1] == "wires: 1 UNEXPECTED"
 

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-import os
-import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,6 +12,7 @@ from typing import Any, NamedTuple
 import httpx
 
 from bench.clock import Stopwatch
+from tests.support.station import server
 
 _pause = threading.Event().wait
 
@@ -53,20 +50,5 @@ def showing(folder: Path, broker: str, *options: str, env: Mapping[str, str] | N
     """`bench station` until the block ends; its own records are in `folder/overview`."""
     own = folder / "overview"
     words = ["station", "--broker", broker, "--port", "0", "--folder", str(own), "--zone", "Europe/Berlin", *options]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
-        env={**os.environ, **(env or {})},
-    )  # fmt: skip
-    assert process.stdout is not None
-    assert process.stderr is not None
-    try:
-        first = process.stdout.readline()
-        assert first, process.stderr.read()
-        code = process.stdout.readline().rpartition(" ")[2].strip()
-        url = json.loads((own / "station.json").read_text())["url"]
-        headers = {"authorization": f"Bearer {(own / 'token').read_text()}"}
-        with httpx.Client(base_url=url, headers=headers, timeout=30) as client:
-            yield Board(process, url, code, client)
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=20)
+    with server(words, folder, own, env=env) as (process, url, code, client):
+        yield Board(process, url, code, client)

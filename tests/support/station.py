@@ -79,6 +79,25 @@ def serving(
     A station that has users prints no code. `verify` are the certificates that its client trusts.
     """
     words = ["serve", *options, "--folder", str(folder / "station"), "--port", "0", "--runs", str(folder / "runs")]
+    with server(words, folder, folder / "station", env=env, has_users=has_users, verify=verify) as found:
+        process, url, code, client = found
+        yield Served(process, url, code, folder, client)
+
+
+@contextmanager
+def server(
+    words: list[str],
+    folder: Path,
+    own: Path,
+    *,
+    env: Mapping[str, str] | None = None,
+    has_users: bool = False,
+    verify: ssl.SSLContext | bool = True,
+) -> Iterator[tuple[subprocess.Popen[str], str, str, httpx.Client]]:
+    """`bench` as a server until the block ends, with records of its own: process, URL, code, and a client with a token.
+
+    One that has users prints no code. `verify` are the certificates that the client trusts.
+    """
     process = subprocess.Popen(
         [sys.executable, "-m", "bench", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder,
         env={**os.environ, **(env or {})},
@@ -89,10 +108,10 @@ def serving(
         first = process.stdout.readline()
         assert first, process.stderr.read()
         second = process.stdout.readline() if "//127.0.0.1" in first and not has_users else ""
-        url = json.loads((folder / "station/station.json").read_text())["url"]
-        headers = {"authorization": f"Bearer {(folder / 'station/token').read_text()}"}
+        url = json.loads((own / "station.json").read_text())["url"]
+        headers = {"authorization": f"Bearer {(own / 'token').read_text()}"}
         with httpx.Client(base_url=url, headers=headers, timeout=30, verify=verify) as client:
-            yield Served(process, url, second.rpartition(" ")[2].strip(), folder, client)
+            yield process, url, second.rpartition(" ")[2].strip(), client
     finally:
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=20)

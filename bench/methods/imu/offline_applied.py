@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.errors import InputError
-from bench.methods.imu.offline_visits import COMPENSATED
 from bench.methods.imu.reduction.calibrate import ImuCalibration
 from bench.methods.imu.reduction.knots import Extrapolation, TemperatureTable, check_model, compensate
 from bench.methods.imu.reduction.regressed import QUANTITIES, Regressed, nominal_output, visits_at
@@ -98,8 +97,7 @@ class _Sensor:
         """Largest differences of visits, and errors of knots left out, relative to the scale factor, by quantity."""
         table, scale = self.table, abs(float(np.median(self.table.scale)))
         result = {}
-        quantities = zip(QUANTITIES[sensor][1:], COMPENSATED[sensor], (table.zero, table.scale), strict=True)
-        for quantity, _, values in quantities:
+        for quantity, values in zip(QUANTITIES[sensor][1:], (table.zero, table.scale), strict=True):
             error = check_model(table.temperature_c, values).error
             result[f"{quantity}/interpolation"] = float(np.max(np.abs(error), initial=0.0)) / scale
             apart = self._apart(sensor, axis, quantity, values)
@@ -112,8 +110,7 @@ class _Sensor:
         by_set_point: dict[float, list[tuple[float, float]]] = {}
         for point in self.found.points:
             if (one := point.axes[axis]) is not None:
-                at_c = one.accelerometer_c if sensor == "acc" else one.gyro_c
-                by_set_point.setdefault(point.set_c, []).append((at_c, getattr(one, key)))
+                by_set_point.setdefault(point.set_c, []).append((one.temperature_c(sensor), getattr(one, key)))
         knots = self.table.temperature_c, values
         apart = [
             differences([at_c for at_c, _ in visits], [each for _, each in visits], knots)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.polynomial import polynomial
 
 from bench.figures.languages import tr
 from bench.figures.numbers import scale_shown
@@ -69,8 +68,7 @@ def _draw_legs(axes: Axes, curves: Sequence[LegCurve], values: Sequence[Array]) 
 
 def _draw_line(axes: Axes, line: TemperatureModel, factor: float) -> None:
     ends_c = np.array(line.valid_c)
-    values = polynomial.polyval((ends_c - line.centre) / line.scale, line.coefficients)
-    axes.plot(ends_c, values * factor, color="#222222", linewidth=0.7, label=tr("straight line"))
+    axes.plot(ends_c, line.at(ends_c) * factor, color="#222222", linewidth=0.7, label=tr("straight line"))
 
 
 def _draw_jumps(axes: Axes, curves: Sequence[LegCurve], residuals: Sequence[Array]) -> None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.metrology.least_squares import Array
@@ -27,8 +26,7 @@ class DynamicBias:
 
     def at(self, held_c: Array, rate_c_per_s: Array) -> Array:
         """Bias (n,) at temperatures within the range of the calibration, NaN where a rate is missing."""
-        of_temperature = polynomial.polyval((held_c - self.bias.centre) / self.bias.scale, self.bias.coefficients)
-        return np.asarray(of_temperature + self.rate.value * SECONDS * rate_c_per_s)
+        return np.asarray(self.bias.at(held_c) + self.rate.value * SECONDS * rate_c_per_s)
 
     def is_beyond(self, rate_c_per_s: Array) -> NDArray[np.bool_]:
         """True (n,) for rates clearly faster than those of the calibration."""

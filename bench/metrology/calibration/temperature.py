@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from bench.metrology.calibration.dynamic import DynamicBias
@@ -151,7 +150,7 @@ def values_of(curve: Curve, temperature_c: Array) -> Array:
     """Values (n,) of a curve at temperatures (n,)."""
     match curve:
         case TemperatureModel():
-            return np.asarray(polynomial.polyval((temperature_c - curve.centre) / curve.scale, curve.coefficients))
+            return curve.at(temperature_c)
         case KnotModel():
             return np.interp(temperature_c, curve.knots_c, curve.values)
         case Constant():

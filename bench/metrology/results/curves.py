@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from bench.metrology.results.flag import Flag
 
 if TYPE_CHECKING:  # imported for types only: models are shown where numpy is not loaded
-    from bench.metrology.least_squares import PolynomialFit
+    from bench.metrology.least_squares import Array, PolynomialFit
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,13 @@ class TemperatureModel:
     valid_c: tuple[float, float] = field(kw_only=True)
     dwells_used: int = 0
     dwells_left_out: tuple[str, ...] = ()
+
+    def at(self, temperature_c: Array) -> Array:
+        """Values (n,) at temperatures (n,), beyond its range too."""
+        from numpy.polynomial import polynomial
+
+        values: Any = polynomial.polyval((temperature_c - self.centre) / self.scale, self.coefficients)
+        return cast("Array", values)
 
     @classmethod
     def of_fit(

@@ -1,8 +1,13 @@
-"""Text in CSV files that a spreadsheet does not interpret as a formula."""
+"""CSV files with text that a spreadsheet does not interpret as a formula."""
 
 from __future__ import annotations
 
+import csv
 import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from bench.files import atomic_file
 
 _BEGINS_A_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 _BEGINS_IT_ELSEWHERE = ("\uff1d", "\uff0b", "\uff0d", "\uff20")  # the full-width forms of these
@@ -17,3 +22,10 @@ def harmless(cell: object) -> object:
     if not isinstance(cell, str) or not cell.startswith((*_BEGINS_A_FORMULA, *_BEGINS_IT_ELSEWHERE)):
         return cell
     return cell if _NUMBER.fullmatch(cell) else f"'{cell}"
+
+
+def write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:
+    """Write rows, whose texts are harmless already, as a CSV file; return its path. Raises InputError."""
+    with atomic_file(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(rows)
+    return path

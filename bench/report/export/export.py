@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from bench.files import atomic_file
 from bench.reduce.stored_run import StoredRun
 from bench.report.export.candump import export_candump
-from bench.report.export.csv_cells import harmless
+from bench.report.export.csv_cells import harmless, write_csv
 from bench.report.export.hdf5 import export_hdf5
 from bench.report.export.matlab import export_matlab
 from bench.report.export.parquet import export_parquet
@@ -27,8 +26,8 @@ def export_csv(run: StoredRun, out: Path) -> list[Path]:
     Times are seconds of bench time. Text that a spreadsheet would take for a formula is made harmless.
     """
     found = tables(run)
-    written = [_write_csv(out / f"{name}.csv", _rows(table)) for name, table in found.items()]
-    return [*written, _write_csv(out / "columns.csv", _columns(found))]
+    written = [write_csv(out / f"{name}.csv", _rows(table)) for name, table in found.items()]
+    return [*written, write_csv(out / "columns.csv", _columns(found))]
 
 
 def _rows(table: Table) -> Iterator[Iterable[object]]:
@@ -51,12 +50,6 @@ def _columns(found: Mapping[str, Table]) -> Iterator[Iterable[object]]:
     yield ("table", "column", "unit", "description")
     for name, table in found.items():
         yield from ((name, key, column.unit, column.meaning) for key, column in table.columns.items())
-
-
-def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> Path:
-    with atomic_file(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows(rows)
-    return path
 
 
 def mark_damage(run: StoredRun, out: Path) -> list[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import ssl
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from random import SystemRandom
 from typing import Any, TypeVar
@@ -15,7 +15,8 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from bench.errors import InputError
+from bench.clock import Stopwatch
+from bench.errors import BenchError, InputError
 from bench.station.mqtt.messages import Message, Status
 from bench.station.mqtt.settings import MqttSettings
 from bench.station.mqtt.topics import Topics
@@ -24,6 +25,7 @@ TIMEOUT_S = 10.0
 KEEP_ALIVE_S = 30
 LONGEST_PACKET = 64 * 1024
 FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 60.0
+OF_USE_S = 30.0  # a connection that lasted longer
 IN_FLIGHT = 20
 T = TypeVar("T")
 _random = SystemRandom()
@@ -118,6 +120,24 @@ def _tls(settings: MqttSettings) -> ssl.SSLContext | None:
         raise InputError(f"mqtt.tls: a file is not a certificate or key in PEM format ({problem})") from None
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     return context
+
+
+async def connected_always(
+    connect: Callable[[], Awaitable[None]], lost: Callable[[Exception], object], longest_wait_s: float = LONGEST_WAIT_S
+) -> None:
+    """Connect again whenever `connect` fails or ends, until cancelled; `lost` is called with each error."""
+    backoff = Backoff()
+    while True:
+        watch = Stopwatch()
+        try:
+            await connect()
+        except (aiomqtt.MqttError, BenchError, OSError, ValueError) as problem:
+            if (task := asyncio.current_task()) is not None and task.cancelling():
+                raise asyncio.CancelledError from problem  # the client failed while it was closed
+            lost(problem)
+        if watch.elapsed_s() > OF_USE_S:
+            backoff.reset()
+        await asyncio.sleep(min(backoff.next_s(), longest_wait_s))
 
 
 class Backoff:

@@ -18,9 +18,8 @@ from typing import Any
 import aiomqtt
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from bench.clock import Stopwatch, wall_utc
-from bench.errors import BenchError
-from bench.station.mqtt.connection import Backoff, Client, client
+from bench.clock import wall_utc
+from bench.station.mqtt.connection import Client, client, connected_always
 from bench.station.mqtt.first import until_one_ends
 from bench.station.mqtt.messages import Status
 from bench.station.mqtt.outbox import Outbox
@@ -30,7 +29,6 @@ from bench.station.mqtt.topics import Topics
 
 LOOK_EVERY_S = 0.5
 STATUS_EVERY_S = 60.0
-OF_USE_S = 30.0
 MEMORY_BYTES = 1 << 30
 LONGEST_LINE = 1 << 24
 LONGEST_COMMAND = 4096
@@ -65,21 +63,10 @@ class Publisher:
     async def work(self) -> None:
         """Connect again and again, until cancelled; it can be called once."""
         with closing(self._positions):
-            await self._again_and_again()
+            await connected_always(self._connected, self._lost)
 
-    async def _again_and_again(self) -> None:
-        backoff = Backoff()
-        while True:
-            watch = Stopwatch()
-            try:
-                await self._connected()
-            except (aiomqtt.MqttError, BenchError, OSError, ValueError) as problem:
-                if (task := asyncio.current_task()) is not None and task.cancelling():
-                    raise asyncio.CancelledError from problem  # the farewell failed
-                tell("problem", text=f"broker {self._settings.host}: {problem}; it is tried again, no event is lost")
-            if watch.elapsed_s() > OF_USE_S:
-                backoff.reset()
-            await asyncio.sleep(backoff.next_s())
+    def _lost(self, problem: Exception) -> None:
+        tell("problem", text=f"broker {self._settings.host}: {problem}; it is tried again, no event is lost")
 
     async def _connected(self) -> None:
         number = self._positions.next_connection()

@@ -1,4 +1,4 @@
-"""Nights with faults, as tasks and as what is told of them."""
+"""Nights with faults, as tasks and as lines on them."""
 
 import shutil
 
@@ -61,7 +61,7 @@ def test_a_night_that_is_not_as_it_should_be_is_told_with_the_command_that_plays
     (task,) = campaign.tasks(None)
     content = {"ended": "error", "verdict": "ERROR", "wrong": [], "unsafe_without_fault": [], **changed}
     result = Result(task.key, task.digest, "", content, "", 1.0, "", "")
-    lines = "\n".join(campaign.told(lambda _: result, tmp_path))
+    lines = "\n".join(campaign.lines(lambda _: result, tmp_path))
     assert line in lines
     assert "1 nights: error, ERROR" in lines
     assert campaign.exit_code(lambda _: result) == code

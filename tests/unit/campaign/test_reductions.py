@@ -61,13 +61,13 @@ def isolated(monkeypatch, tmp_path):
     reductions._opened.cache_clear()
 
 
-def told(campaign, folder, contents):
+def shown(campaign, folder, contents):
     """Lines on results, and the rows of the file."""
     results = {
         task.digest: Result(task.key, task.digest, "", content, "", 1.0, "", "")
         for task, content in zip(campaign.tasks(None), contents, strict=True)
     }
-    lines = list(campaign.told(lambda task: results.get(task.digest), folder))
+    lines = list(campaign.lines(lambda task: results.get(task.digest), folder))
     with (folder / CHANGES).open(encoding="utf-8", newline="") as file:
         return lines, list(csv.reader(file))[1:]
 
@@ -77,7 +77,7 @@ def test_the_present_program_changes_nothing_and_another_one_is_seen(archive, tm
     campaign = Reductions(str(archive))
     tasks = campaign.tasks(None)
     assert len(tasks) == 2
-    lines, rows = told(campaign, tmp_path, [reduce_again(**task.arguments) for task in tasks])
+    lines, rows = shown(campaign, tmp_path, [reduce_again(**task.arguments) for task in tasks])
     assert rows == []
     assert lines[-1].startswith("reduce: 2 runs with ")
     assert lines[-1].endswith("0 changes below 0.1 u, 0 changed verdicts of runs")
@@ -94,7 +94,7 @@ def test_the_present_program_changes_nothing_and_another_one_is_seen(archive, tm
 
     monkeypatch.setattr(stored_run, "evaluate", shifted)
     contents = [reduce_again(**task.arguments) for task in tasks]
-    lines, rows = told(campaign, tmp_path, contents)
+    lines, rows = shown(campaign, tmp_path, contents)
     assert len(rows) == sum(len(content["changes"]) for content in contents) > 2
     assert {row[5] for row in rows} == {"+0.2"}
     assert "value before" in lines[0]

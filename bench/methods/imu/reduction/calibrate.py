@@ -72,6 +72,10 @@ class AxisCalibration:
     gyro_at_rest: LinearFit
     gyro_turning: LinearFit
 
+    def temperature_c(self, sensor: str) -> float:
+        """Temperature by the thermometer of a sensor, acc or gyro."""
+        return self.accelerometer_c if sensor == "acc" else self.gyro_c
+
     @property
     def k0(self) -> float:
         """Zero of the accelerometer in pulse/s."""
@@ -150,7 +154,7 @@ class ImuCalibration:
     def temperatures_c(self, sensor: str, axis: int) -> Array:
         """Temperatures (m,) of one channel where it could be calibrated; `sensor` is acc or gyro."""
         every = self.over_temperature(axis)
-        read_c = np.array([one.accelerometer_c if sensor == "acc" else one.gyro_c for one in every], np.float64)
+        read_c = np.array([one.temperature_c(sensor) for one in every], np.float64)
         return read_c[np.isfinite(read_c)]
 
     def knots(self, sensor: str, axis: int) -> TemperatureTable:
@@ -170,8 +174,8 @@ def thermometers_apart(found: ImuCalibration, limit_c: float) -> Iterator[Flag]:
     sensor's makes a smooth table.
     """
     calibrated = [[axis for axis in point.axes if axis] for point in found.points if all(point.axes)]
-    for sensor, kind in (("acc", "accelerometer_c"), ("gyro", "gyro_c")):
-        read_c = np.array([[getattr(axis, kind) for axis in axes] for axes in calibrated]).reshape(-1, len(AXES))
+    for sensor in ("acc", "gyro"):
+        read_c = np.array([[axis.temperature_c(sensor) for axis in axes] for axes in calibrated]).reshape(-1, len(AXES))
         apart_c = np.abs(read_c - np.median(read_c, axis=-1, keepdims=True))
         for axis, largest_c in zip(AXES, np.nan_to_num(apart_c).max(axis=0, initial=0.0).tolist(), strict=True):
             if largest_c > limit_c:

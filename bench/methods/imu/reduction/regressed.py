@@ -115,8 +115,7 @@ def nominal_of(found: ImuCalibration, sensor: str, axis: int, visits: Sequence[i
     if nominal_c is not None:
         return nominal_c
     there = [one for number in visits if (one := found.points[number].axes[axis]) is not None]
-    read_c = [one.accelerometer_c if sensor == "acc" else one.gyro_c for one in there]
-    known = [each for each in read_c if math.isfinite(each)]
+    known = [read_c for one in there if math.isfinite(read_c := one.temperature_c(sensor))]
     return float(np.mean(known)) if known else math.nan
 
 
@@ -155,7 +154,7 @@ def visits_at(knots_c: Array, visits_c: Array) -> NDArray[np.int_]:
 def regressed_findings(
     subject: Subject, unit: UnitUnderTest, outputs: Mapping[tuple[str, int], Regressed], at_visits: Sequence[Finding]
 ) -> Iterator[Finding]:
-    """Change of each output over temperature, and what is left of it, where the nominal temperature was reached."""
+    """Yield the change of each output over temperature and its error once regressed, if the nominal one is known."""
     for (sensor, axis), output in outputs.items():
         of = [e for e in at_visits if e.at["axis"] == AXES[axis] and e.quantity in QUANTITIES[sensor]]
         output_unit = unit.output_unit if sensor == "acc" else unit.gyro_output_unit

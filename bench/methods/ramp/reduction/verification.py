@@ -2,7 +2,7 @@
 
 The output is converted by the curves of the calibration (static), and by its dynamic model if it has one, with dT/dt of
 the new ramp. A ramp does not separate the bias from the misalignment and from the zero of the head, both of which are
-constant: what is left is judged about its mean over the run, as of a tilt meter that is set to zero once.
+constant: the remaining error is judged about its mean over the run, as for a tilt meter that is zeroed once.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from bench.metrology.results.finding import Finding, Subject, UnitResult
 from bench.metrology.results.flag import Flag, samples_left_out
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.tilt_findings import TiltOrigin, span_finding
-from bench.metrology.tilt_pair import with_pair
+from bench.metrology.tilt_pair import with_pairs
 
 LAG = "lag behind the thermometer, and the unit's response to the rate: contained"
 MISALIGNMENT = "misalignment: contained"
@@ -38,15 +37,7 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
     Results of a pair that measures a tilt together are among those of its first unit.
     """
-    reduced = [_reduced(data, unit, settings) for unit in data.units]
-    places = {unit.place: (unit, of) for unit, (_, of) in zip(data.units, reduced, strict=True)}
-    results = [result for result, _ in reduced]
-    for pair in data.bench.tilt_pairs:
-        results = [
-            with_pair(result, pair, places, partial(tilt_on_ramp, data, pair)) if result.place == pair.along else result
-            for result in results
-        ]
-    return results
+    return with_pairs(data, [_reduced(data, unit, settings) for unit in data.units], tilt_on_ramp)
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> tuple[UnitResult, LeftOnRamp | None]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.tilt import TiltAxis, tilt_of_one
 from bench.metrology.tilt_findings import TiltOrigin, span_finding
-from bench.metrology.tilt_pair import with_pair
+from bench.metrology.tilt_pair import with_pairs
 
 STEP_C = 0.5  # finite difference of a temperature
 NAMES = {"K0": "bias that the calibration leaves", "K1": "scale factor that it leaves, relative"}
@@ -38,17 +37,7 @@ def reduce(data: RunData, settings: Mapping[str, Any]) -> list[UnitResult]:
 
     Results of a pair that measures a tilt together are among those of its first unit.
     """
-    reduced = [_reduced(data, unit, settings) for unit in data.units]
-    places = {unit.place: (unit, of) for unit, (_, of) in zip(data.units, reduced, strict=True)}
-    results = [result for result, _ in reduced]
-    for pair in data.bench.tilt_pairs:
-        results = [
-            with_pair(result, pair, places, partial(tilt_in_tumble, data, pair))
-            if result.place == pair.along
-            else result
-            for result in results
-        ]
-    return results
+    return with_pairs(data, [_reduced(data, unit, settings) for unit in data.units], tilt_in_tumble)
 
 
 def _reduced(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> tuple[UnitResult, Verified | None]:
