@@ -18,7 +18,7 @@ RUNS = {
     "preset": "string", "parameters": "json", "seed": "int64", "simulated": "bool", "operator": "string",
     "work_order": "string", "procedure": "string", "state": "string", "verdict": "string", "units": "string",
     "report": "string", "approved": "instant", "approved_by": "string", "bench_s": "double", "bytes": "int64",
-    "files": "json", "manifest": "json",
+    "files": "json", "manifest": "json", "reduced_by": "string",
 }  # fmt: skip
 FINDINGS = {
     **KEYS, "uut": "string", "sequence": "string", "simulated": "bool", "id": "string", "result": "string",

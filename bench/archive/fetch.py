@@ -12,6 +12,8 @@ from bench.errors import InputError, StoreError
 from bench.files import atomic_folder
 from bench.store.verify import examine
 
+NOT_OF_RUN = ("raw/", "reduced/")  # what the archive has beside the files of a run
+
 
 def fetch(archive: Archive, run: str, into: Path, version: int | None = None) -> Path:
     """Write the files of a run below a folder and verify them; return the run directory.
@@ -32,7 +34,7 @@ def fetch(archive: Archive, run: str, into: Path, version: int | None = None) ->
         raise InputError(f"{folder}: exists already; give another folder")
     with atomic_folder(folder) as draft:
         for file, entry in files.items():
-            if not file.startswith("raw/"):
+            if not file.startswith(NOT_OF_RUN):
                 _write(archive, draft, file, entry["object"], entry["sha256"])
         record = examine(draft)
     if record.damage:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.archive.destination import Destination
-from bench.archive.rows import Claim, Publication, rows_of
+from bench.archive.rows import Claim, Publication, Reduced, rows_of
 from bench.archive.tables import Tables
 from bench.clock import wall_utc
 from bench.errors import InputError, StoreError
@@ -83,20 +83,28 @@ def _pushed(run: Path, destination: Destination, watch: Callable[[str], None]) -
     name_there = f"{manifest['run']}_{uuid[:8]}"
     folder = f"runs/{name_there}"
     files = dict(_files(run))
-    digest = _digest(files)
+    digest = digest_of(files)
     claims = _claims(destination, folder)
     number = next((number for number, claim in claims.items() if claim.digest == digest), None)
     if number is not None and tables.holds("runs", uuid, number, year):
         return Pushed(run.name, folder, number, True, 0, 0)
     objects = dict(_written_files(run, folder, files, destination, watch))
     objects |= _written_data(run, folder, files[FILE_NAME], destination, watch)
-    number, claim = _claimed(destination, folder, digest)
-    publication = Publication(uuid, number, folder, objects, claim)
-    for name, rows in rows_of(run, manifest, publication).items():
-        if not tables.holds(name, uuid, number, year):
-            tables.append(name, rows, f"{name_there}-v{number:04}")
-        watch(f"tables/{name}")
+    number, claim = claimed(destination, folder, digest)
+    show(run, manifest, Publication(uuid, number, folder, objects, claim), tables, watch=watch)
     return Pushed(run.name, folder, number, False, len(objects), sum(each["bytes"] for each in objects.values()))
+
+
+def show(
+    run: Path, manifest: Mapping[str, Any], publication: Publication, tables: Tables,
+    *, reduced: Reduced | None = None, watch: Callable[[str], None] = lambda _: None,
+) -> None:  # fmt: skip
+    """Write the rows of a publication whose objects are there; rows of an earlier attempt stay. Raises StoreError."""
+    year = datetime.fromisoformat(manifest["started"]).year
+    for name, rows in rows_of(run, manifest, publication, reduced).items():
+        if not tables.holds(name, publication.uuid, publication.number, year):
+            tables.append(name, rows, f"{Path(publication.folder).name}-v{publication.number:04}")
+        watch(f"tables/{name}")
 
 
 def _files(run: Path) -> Iterator[tuple[str, str]]:
@@ -107,7 +115,8 @@ def _files(run: Path) -> Iterator[tuple[str, str]]:
             yield name, file_hash(run / name)
 
 
-def _digest(files: Mapping[str, str]) -> str:
+def digest_of(files: Mapping[str, str]) -> str:
+    """Return the digest of a version by those of its files."""
     return content_hash(json.dumps(files, sort_keys=True).encode())
 
 
@@ -121,7 +130,7 @@ def _claims(destination: Destination, folder: str) -> dict[int, Claim]:
     return found
 
 
-def _claimed(destination: Destination, folder: str, digest: str) -> tuple[int, Claim]:
+def claimed(destination: Destination, folder: str, digest: str) -> tuple[int, Claim]:
     """Return the number and the claim of a version; of two pushes of the same content both get the same.
 
     Raises StoreError.
@@ -142,8 +151,8 @@ def _written_files(
     run: Path, folder: str, files: Mapping[str, str], destination: Destination, watch: Callable[[str], None]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, digest in files.items():
-        place = f"{folder}/files/{_short(digest)}/{name}"
-        yield name, _written(run / name, place, digest, destination)
+        place = f"{folder}/files/{short(digest)}/{name}"
+        yield name, written(run / name, place, digest, destination)
         watch(place)
 
 
@@ -154,13 +163,13 @@ def _written_data(
     found = {}
     with tempfile.TemporaryDirectory() as scratch, open_run(run) as stored:
         for path in export_parquet(stored, Path(scratch)):
-            place = f"{folder}/{RAW}/{_short(database)}/{path.name}"
-            found[f"{RAW}/{path.name}"] = _written(path, place, file_hash(path), destination)
+            place = f"{folder}/{RAW}/{short(database)}/{path.name}"
+            found[f"{RAW}/{path.name}"] = written(path, place, file_hash(path), destination)
             watch(place)
     return found
 
 
-def _written(path: Path, place: str, digest: str, destination: Destination) -> dict[str, Any]:
+def written(path: Path, place: str, digest: str, destination: Destination) -> dict[str, Any]:
     """Write a file unless the same is there, and read it back. Raises StoreError if it differs then."""
     if destination.digest(place) != digest:
         destination.write(place, path)
@@ -169,6 +178,6 @@ def _written(path: Path, place: str, digest: str, destination: Destination) -> d
     return {"object": place, "sha256": digest.removeprefix("sha256:"), "bytes": path.stat().st_size}
 
 
-def _short(digest: str) -> str:
+def short(digest: str) -> str:
     """Return the part of a SHA-256 that is in the name of a folder."""
     return digest.removeprefix("sha256:")[:16]

@@ -16,6 +16,7 @@ from bench.archive.libraries import duckdb
 from bench.archive.tables import Tables
 from bench.errors import InputError
 
+AT_ONCE = 10_000  # rows
 _LATEST = """
 CREATE VIEW runs AS SELECT * EXCLUDE (newest) FROM (
   SELECT *, version = max(version) OVER (PARTITION BY uuid) AS newest FROM all_runs) WHERE newest
@@ -59,6 +60,16 @@ class Archive:
             if found.description is None:
                 return Rows((), ())
             return Rows([column[0] for column in found.description], found.fetchall())
+
+    def each(self, sql: str, values: Sequence[Any] = ()) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of a query, which are not all in memory; another query ends it.
+
+        Raises InputError if it is wrong.
+        """
+        with self._in_words(sql):
+            found = self._connection.execute(sql, list(values))
+            while rows := found.fetchmany(AT_ONCE):
+                yield from rows
 
     def arrow(self, sql: str) -> Any:
         """Return the rows of a query as an Arrow table. Raises InputError if it is wrong."""

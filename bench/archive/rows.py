@@ -37,21 +37,35 @@ class Publication(NamedTuple):
     claim: Claim
 
 
-def rows_of(run: Path, manifest: Mapping[str, Any], publication: Publication) -> dict[str, Any]:
-    """Return an Arrow table for each table of an archive. Raises StoreError."""
+class Reduced(NamedTuple):
+    """Results of another reduction than that at the end of a run, and the program that made them."""
+
+    file: Path
+    verdict: str
+    by: str
+
+
+def rows_of(
+    run: Path, manifest: Mapping[str, Any], publication: Publication, reduced: Reduced | None = None
+) -> dict[str, Any]:
+    """Return an Arrow table for each table of an archive, with the results of the run or those of `reduced`.
+
+    Raises StoreError.
+    """
     started = datetime.fromisoformat(manifest["started"])
     keys = {
         "uuid": publication.uuid, "version": publication.number, "run": manifest["run"], "started": started,
         PARTITION: started.year,
     }  # fmt: skip
     approval = approval_of(run)
-    results, places = read_findings(run) if (run / RESULTS).exists() else ([], {})
+    file = reduced.file if reduced else run / RESULTS
+    results, places = read_findings(file) if file.exists() else ([], {})
     found = {
         "findings": list(_findings(results, places, manifest)),
         "budgets": list(_budgets(results)),
         "instruments": list(_instruments(manifest)),
         "certificates": [_certificate(approval, manifest)] if approval is not None else [],
-        "runs": [_run(manifest, approval, publication)],
+        "runs": [_run(manifest, approval, publication, reduced)],
     }
     return {name: as_table(name, [keys | row for row in rows]) for name, rows in found.items()}
 
@@ -62,14 +76,17 @@ def as_table(name: str, rows: list[Row]) -> Any:
     return found.sort_by([(column, "ascending") for column in SORTED_BY[name]])
 
 
-def _run(manifest: Mapping[str, Any], approval: Mapping[str, Any] | None, publication: Publication) -> Row:
+def _run(
+    manifest: Mapping[str, Any], approval: Mapping[str, Any] | None, publication: Publication, reduced: Reduced | None
+) -> Row:
     ended = manifest.get("ended")
     return {
         "ended": datetime.fromisoformat(ended) if ended else None,
         "published": datetime.fromisoformat(publication.claim.published), "publication": publication.claim.digest,
         "folder": publication.folder, "program": publication.claim.program, "station": publication.claim.station,
         **{name: manifest.get(name) for name in ("sequence", "title", "bench", "preset", "seed", "operator", "state")},
-        "verdict": manifest.get("verdict"), "parameters": _json(manifest.get("parameters", {})),
+        "verdict": reduced.verdict if reduced else manifest.get("verdict"),
+        "parameters": _json(manifest.get("parameters", {})),
         "simulated": bool(manifest.get("simulated")), "work_order": manifest.get("order"),
         "procedure": manifest.get("procedure"), "units": _units(manifest),
         "report": approval["report"] if approval else None,
@@ -77,6 +94,7 @@ def _run(manifest: Mapping[str, Any], approval: Mapping[str, Any] | None, public
         "approved_by": approval["by"] if approval else None,
         "bench_s": manifest.get("bench_s"), "bytes": sum(each["bytes"] for each in publication.files.values()),
         "files": _json(publication.files), "manifest": _json(manifest),
+        "reduced_by": reduced.by if reduced else None,
     }  # fmt: skip
 
 

@@ -30,9 +30,12 @@ class Tables:
         """Return a table; it is created if it does not exist."""
         with self._errors(name):
             for _ in range(ATTEMPTS):
-                if (found := self._found(name)) is not None:
+                if (found := self._found(name)) is not None and not (lacking := _lacking(found, name)):
                     return found
-                with suppress(deltalake().exceptions.CommitFailedError):  # another bench has created it meanwhile
+                with suppress(deltalake().exceptions.CommitFailedError):  # another bench has done it meanwhile
+                    if found is not None:
+                        found.alter.add_columns(lacking)
+                        continue
                     deltalake().DeltaTable.create(
                         self._destination.table_url(name), schema(name), mode="ignore", partition_by=[PARTITION],
                         storage_options=dict(self._destination.options),
@@ -44,7 +47,10 @@ class Tables:
         """Return what a query reads of a table: an Arrow dataset, or an empty Arrow table if there is none yet."""
         with self._errors(name):
             found = self._found(name)
-            return schema(name).empty_table() if found is None else found.to_pyarrow_dataset()
+            if found is None:
+                return schema(name).empty_table()
+            dataset = found.to_pyarrow_dataset()
+            return dataset.replace_schema(schema(name)) if _lacking(found, name) else dataset
 
     def _found(self, name: str) -> Any:
         """Return a table, or None if it does not exist."""
@@ -121,6 +127,13 @@ class Tables:
             yield
         except (deltalake().exceptions.DeltaError, OSError, arrow().ArrowException) as problem:
             raise StoreError(in_words(self._destination.table_url(name), problem)) from None
+
+
+def _lacking(table: Any, name: str) -> list[Any]:
+    """Return the columns that earlier versions of this program did not have."""
+    known = {field.name for field in table.schema().fields}
+    of_table = deltalake().Schema.from_arrow(schema(name))
+    return [field for field in of_table.fields if field.name not in known]
 
 
 def _as_parquet(rows: Any) -> bytes:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from datetime import date, datetime, timedelta
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, date, datetime, timedelta
+from functools import lru_cache
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from bench.archive.query import Archive
@@ -12,7 +15,7 @@ from bench.clock import wall_utc
 from bench.errors import InputError
 from bench.station.runs.findings import FindingView
 from bench.station.units.history import Calibrated, UnitHistory, history_of, is_comparable, series_key
-from bench.station.units.trends import Calibration, e_n
+from bench.station.units.trends import Calibration, drift, e_n, reaches_limit
 from drivers.schema.suggest import did_you_mean
 
 _COLUMNS = (
@@ -127,11 +130,31 @@ def due(archive: Archive, days: int, *, simulated: bool = False) -> list[Due]:
     return sorted([*found, *_units_due(archive, until, simulated=simulated)])
 
 
+_LIMITED = """
+SELECT uut, sequence, simulated, result, unit, started, value, expanded, shared, quantity, low, high FROM findings
+WHERE (low IS NOT NULL OR high IS NOT NULL) AND verdict IS DISTINCT FROM 'INVALID' AND expanded > 0
+  AND (? OR NOT simulated)
+ORDER BY uut, sequence, simulated, result, unit, started, run
+"""
+_OF_SERIES = 5  # columns that calibrations of one series have in common
+
+
 def _units_due(archive: Archive, until: date, *, simulated: bool) -> Iterator[Due]:
-    which = "" if simulated else "WHERE NOT simulated"
-    units = archive.query(f"SELECT uut FROM findings {which} GROUP BY uut HAVING count(DISTINCT uuid) > 1").rows  # noqa: S608
-    for (serial,) in units:
-        found = unit_history(archive, serial)
-        when: datetime | None = found.next_due
-        if when is not None and when.date() <= until:
-            yield Due(when.date(), serial, f"{found.next_due_by} may reach its limit by its drift")
+    """Yield each unit of which a result may reach its limit by then, with the result that is the first."""
+    for serial, of_unit in groupby(archive.each(_LIMITED, [simulated]), key=itemgetter(0)):
+        series = (list(rows) for _, rows in groupby(of_unit, key=itemgetter(slice(_OF_SERIES))))
+        when, quantity = min((_reaches_limit(rows), str(rows[-1][9])) for rows in series)
+        if when.date() <= until:
+            yield Due(when.date(), str(serial), f"{quantity} may reach its limit by its drift")
+
+
+def _reaches_limit(rows: Sequence[Sequence[Any]]) -> datetime:
+    """Return when a series may reach the limits of its last calibration; the last instant there is if never."""
+    found = drift([Calibration(at, value, expanded, _shared(text)) for *_, at, value, expanded, text, _, _, _ in rows])
+    return (found and reaches_limit(found, *rows[-1][-2:])) or datetime.max.replace(tzinfo=UTC)
+
+
+@lru_cache(maxsize=4096)
+def _shared(text: str) -> Mapping[str, float]:
+    found: Mapping[str, float] = json.loads(text)
+    return found

@@ -34,6 +34,11 @@ def digest_of(known: Mapping[str, str]) -> str:
     return hashlib.sha256(canonical(dict(known)).encode()).hexdigest()[:16]
 
 
+def present() -> str:
+    """Return the version and the digest of this program, as an archive has them of a re-reduction."""
+    return f"{version('inertial-test-bench')} {digest_of(identity())}"
+
+
 def differences(wanted: Mapping[str, str], found: Mapping[str, str]) -> list[str]:
     """Return "numpy 2.2.1 instead of 2.3.0" for each part in which an identity is not the wanted one."""
     return [

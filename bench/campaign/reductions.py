@@ -12,13 +12,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from bench.archive.fetch import fetch
 from bench.archive.query import Archive, opened
+from bench.archive.reduction import reduce_again as again
 from bench.campaign.isolation import isolate
+from bench.campaign.program import present
 from bench.campaign.tasks import Known, Task
 from bench.figures.columns import in_columns
-from bench.reduce.reduced_again import reduced_again
-from bench.reduce.stored_run import open_run
 from bench.report.export.csv_cells import harmless, write_csv
 
 SHOWN_FROM = 0.1  # of the standard uncertainty
@@ -27,23 +26,29 @@ HEADER = (
     "run", "result", "unit", "value before", "value now", "change/u", "u before", "u now", "verdict before",
     "verdict now",
 )  # fmt: skip
-_ALL = "SELECT uuid, version, run FROM runs ORDER BY started, uuid"
+_ALL = """
+SELECT uuid, max(version), any_value(run) FROM all_runs WHERE reduced_by IS DISTINCT FROM ?
+GROUP BY uuid ORDER BY min(started), uuid
+"""
 
 
 class Reductions:
-    """Campaign over the latest version of each run of an archive. Raises InputError without one, and StoreError."""
+    """Campaign over the runs of an archive, each in its latest version that is not of this program.
+
+    With `publish` the changed ones become new versions. Raises InputError without an archive, and StoreError.
+    """
 
     name = "reduce"
 
-    def __init__(self, archive: str) -> None:
+    def __init__(self, archive: str, *, publish: bool = False) -> None:
         found = opened(archive)
-        place = found.destination.url
+        more = {"publish": True} if publish else {}
         self._tasks = [
             Task(
                 f"{run} {uuid[:8]}", "bench.campaign.reductions:reduce_again",
-                {"archive": place, "uuid": str(uuid), "version": int(version)},
+                {"archive": found.destination.url, "uuid": str(uuid), "version": int(version), **more},
             )
-            for uuid, version, run in found.query(_ALL).rows
+            for uuid, version, run in found.query(_ALL, [present()]).rows
         ]  # fmt: skip
 
     def tasks(self, known: Known) -> Sequence[Task]:
@@ -59,10 +64,11 @@ class Reductions:
             yield from in_columns([HEADER, *rows], "<<<>>>>><<", indent="")
         below = sum(not is_shown(change) for content in found for change in content["changes"])
         verdicts = sum(content["verdict"]["before"] != content["verdict"]["now"] for content in found)
+        published = sum("published" in content for content in found)
         findings = sum(content["findings"] for content in found)
         yield (
             f"reduce: {len(found)} runs with {findings} findings; {len(rows)} rows in {out / CHANGES}, {below} changes "
-            f"below {SHOWN_FROM:g} u, {verdicts} changed verdicts of runs"
+            f"below {SHOWN_FROM:g} u, {verdicts} changed verdicts of runs, {published} new versions"
         )
 
     def exit_code(self, known: Known) -> int:
@@ -70,12 +76,12 @@ class Reductions:
         return 0
 
 
-def reduce_again(archive: str, uuid: str, version: int) -> Mapping[str, Any]:
+def reduce_again(archive: str, uuid: str, version: int, publish: bool = False) -> Mapping[str, Any]:
     """Restore a run of an archive, verified, and reduce it; return the findings that differ from its results."""
     with tempfile.TemporaryDirectory(dir=isolate()) as folder:
-        path = fetch(_archive(archive, uuid, version), uuid, Path(folder), version)
-        with open_run(path) as stored:
-            return reduced_again(stored).to_json()
+        opened_at = _archive(archive, uuid, version)
+        found, number = again(opened_at, uuid, version, Path(folder), program=present(), publish=publish)
+        return {**found.to_json(), **({"published": number} if number is not None else {})}
 
 
 _opened = lru_cache(maxsize=1)(opened)

@@ -120,6 +120,27 @@ def fetch(run: str, archive: str, into: Path, version: int | None) -> None:
     say(fetched(_opened(archive), run, into, version))
 
 
+def reduce(run: str, archive: str, *, publish: bool) -> None:
+    """Reduce an archived run again with this program, and list what changes; `bench campaign reduce` does all runs.
+
+    With --publish, changed results become a new version; a certificate remains that of the results it was approved for.
+    """
+    import tempfile
+
+    from bench.archive.reduction import before, reduce_again
+    from bench.archive.units import run_of
+    from bench.campaign.program import present
+
+    opened = _opened(archive)
+    uuid = run_of(opened, run)
+    with tempfile.TemporaryDirectory() as scratch:
+        version = before(opened, uuid, present())
+        found, number = reduce_again(opened, uuid, version, Path(scratch), program=present(), publish=publish)
+    say(*found.in_words())
+    if number is not None:
+        say(f"{found.run}: version {number} published, beside version {version}")
+
+
 def export(archive: str, url: str) -> None:
     """Write runs and findings to a SQL database: new runs and new versions, by tables itb_runs and itb_findings.
 
@@ -180,6 +201,11 @@ COMMANDS = (
         ARCHIVE,
         option("--into DIR", "Folder that gets the run directory.", read=Path, default=Path("runs")),
         option("--version N", "An earlier version instead of the latest.", read=whole_number(1)),
+    )),
+    Command("archive reduce", reduce, (
+        argument("RUN", "A run: its name, its UUID or a unique beginning."),
+        ARCHIVE,
+        flag("--publish", "Changed results become a new version."),
     )),
     Command("archive export", export, (
         ARCHIVE,

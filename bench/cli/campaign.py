@@ -70,17 +70,18 @@ def faults(
     return _carried_out(campaign, **cluster)
 
 
-def reduce(archive: str, **cluster: Any) -> int:
+def reduce(archive: str, *, publish: bool, **cluster: Any) -> int:
     """Reduce all runs of an archive again with the present program, and list what changes.
 
     Changes of a value or of its standard uncertainty u are listed from 0.1 u, and all changed verdicts. The data are
-    the same: u says nothing on whether a change is significant.
+    the same: u says nothing on whether a change is significant. With --publish the changed results become new versions
+    in the archive.
     """
 
     def campaign() -> Campaign:
         from bench.campaign.reductions import Reductions
 
-        return Reductions(archive)
+        return Reductions(archive, publish=publish)
 
     return _carried_out(campaign, **cluster)
 
@@ -169,6 +170,7 @@ COMMANDS = (
     )),
     Command("campaign reduce", reduce, (
         argument("ARCHIVE", "The archive: a folder, s3://BUCKET/PREFIX or azure://CONTAINER/PREFIX."),
+        flag("--publish", "Changed results become new versions; the earlier ones can still be read."),
         *CLUSTER,
     )),
     Command("campaign truth", truth, (

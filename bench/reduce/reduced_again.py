@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from bench.errors import StoreError
@@ -101,15 +102,17 @@ class ReReduction:
         yield f"{self.run}: {summary}, {verdict}"
 
 
-def reduced_again(run: StoredRun) -> ReReduction:
+def reduced_again(run: StoredRun, known: Path | None = None) -> ReReduction:
     """Reduce a run and compare value, standard uncertainty and verdict of every finding; nothing is written.
+
+    It is compared with its own results, or with those in the file `known`.
 
     Differences below `ROUNDING` of the standard uncertainty are ignored. Raises StoreError for data or results that
     cannot be read.
     """
     evaluated = run.evaluate()
     results, missed = evaluated.to_json(), evaluated.missed
-    now, kept = _findings(results), _kept(run)
+    now, kept = _findings(results), _kept(known or run.folder / RESULTS)
     if kept is None:
         return ReReduction(run.manifest["run"], None, results["verdict"], len(now), (), missed, run.damage)
     verdict, before = kept
@@ -132,9 +135,8 @@ _RESULTS = object_of(
 )
 
 
-def _kept(run: StoredRun) -> tuple[str, dict[str, Found]] | None:
-    """Verdict and findings in a run's `results.json`; None without one."""
-    path = run.folder / RESULTS
+def _kept(path: Path) -> tuple[str, dict[str, Found]] | None:
+    """Verdict and findings in a `results.json`; None without one."""
     if not path.is_file():
         return None
     try:

@@ -142,9 +142,9 @@ def _without_results(run: RunSummary, why: str) -> RunFindings:
     )
 
 
-def read_findings(folder: Path) -> tuple[list[FindingView], Mapping[str, str]]:
-    """Return the findings in a run directory, and the place of each unit. Raises StoreError."""
-    content = read_kept(folder / RESULTS, _FORM)
+def read_findings(results: Path) -> tuple[list[FindingView], Mapping[str, str]]:
+    """Return the findings in a file of results, and the unit in each place. Raises StoreError."""
+    content = read_kept(results, _FORM)
     return [_finding(each) for each in content["findings"]], {
         each["place"]: each["uut"] for each in content.get("units", [])
     }

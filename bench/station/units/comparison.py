@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field
 
 from bench.errors import StoreError
-from bench.station.runs.findings import FindingView, read_findings
+from bench.station.runs.findings import RESULTS, FindingView, read_findings
 from bench.station.units.history import BENCH_COPY, SEQUENCE_COPY, Identities, calibration_of, without_place
 from bench.station.units.trends import Calibration, e_n
 from bench.store.runs import RunSummary
@@ -62,7 +62,7 @@ def compare(first: RunSummary, second: RunSummary) -> Comparison:
 
 
 def _by_id(run: RunSummary) -> dict[str, FindingView]:
-    found, places = read_findings(run.path)
+    found, places = read_findings(run.path / RESULTS)
     alone = len(places) == 1
     return {without_place(each.id, places) if alone else each.id: each for each in found}
 

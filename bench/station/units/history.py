@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field
 
 from bench.errors import StoreError
-from bench.station.runs.findings import FindingView, read_findings
+from bench.station.runs.findings import RESULTS, FindingView, read_findings
 from bench.station.units.control_chart import LEAST, RULES, control_chart
 from bench.station.units.trends import Calibration, change, drift, e_n, reaches_limit
 from bench.store.runs import RunSummary
@@ -168,7 +168,7 @@ def series_key(sequence: str, result: str, unit: str, *, simulated: bool) -> str
 
 @lru_cache(maxsize=256)
 def _kept_findings(folder: str, _ended: str) -> tuple[list[FindingView], Mapping[str, str]]:
-    return read_findings(Path(folder))
+    return read_findings(Path(folder) / RESULTS)
 
 
 def without_place(id_: str, places: Iterable[str]) -> str:

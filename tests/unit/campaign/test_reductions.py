@@ -1,14 +1,17 @@
 """What the reductions of all runs of an archive tell."""
 
 import csv
+import shutil
 from dataclasses import replace
 
 import pytest
 
 from bench.archive.destination import Destination
 from bench.archive.publish import push
+from bench.archive.query import opened
 from bench.campaign import reductions
 from bench.campaign.isolation import isolate
+from bench.campaign.program import present
 from bench.campaign.reductions import CHANGES, Reductions, is_shown, reduce_again
 from bench.campaign.tasks import Result
 from bench.errors import InputError
@@ -72,16 +75,8 @@ def shown(campaign, folder, contents):
         return lines, list(csv.reader(file))[1:]
 
 
-@pytest.mark.usefixtures("isolated")
-def test_the_present_program_changes_nothing_and_another_one_is_seen(archive, tmp_path, monkeypatch):
-    campaign = Reductions(str(archive))
-    tasks = campaign.tasks(None)
-    assert len(tasks) == 2
-    lines, rows = shown(campaign, tmp_path, [reduce_again(**task.arguments) for task in tasks])
-    assert rows == []
-    assert lines[-1].startswith("reduce: 2 runs with ")
-    assert lines[-1].endswith("0 changes below 0.1 u, 0 changed verdicts of runs")
-
+def of_another_program(monkeypatch):
+    """From now on every value comes out 0.2 u higher."""
     honest = stored_run.evaluate
 
     def shifted(*given):
@@ -93,11 +88,36 @@ def test_the_present_program_changes_nothing_and_another_one_is_seen(archive, tm
         return replace(found, units=units)
 
     monkeypatch.setattr(stored_run, "evaluate", shifted)
+
+
+@pytest.mark.usefixtures("isolated")
+def test_the_present_program_changes_nothing_and_another_one_is_seen(archive, tmp_path, monkeypatch):
+    campaign = Reductions(str(archive))
+    tasks = campaign.tasks(None)
+    assert len(tasks) == 2
+    lines, rows = shown(campaign, tmp_path, [reduce_again(**task.arguments) for task in tasks])
+    assert rows == []
+    assert lines[-1].startswith("reduce: 2 runs with ")
+    assert lines[-1].endswith("0 changes below 0.1 u, 0 changed verdicts of runs, 0 new versions")
+
+    of_another_program(monkeypatch)
     contents = [reduce_again(**task.arguments) for task in tasks]
     lines, rows = shown(campaign, tmp_path, contents)
     assert len(rows) == sum(len(content["changes"]) for content in contents) > 2
     assert {row[5] for row in rows} == {"+0.2"}
     assert "value before" in lines[0]
+
+
+@pytest.mark.usefixtures("isolated")
+def test_changed_results_become_versions_and_the_repeated_command_has_the_same_tasks(archive, tmp_path, monkeypatch):
+    copy = str(shutil.copytree(archive, tmp_path / "copy"))
+    of_another_program(monkeypatch)
+    tasks = Reductions(copy, publish=True).tasks(None)
+    assert [reduce_again(**task.arguments)["published"] for task in tasks] == [2, 2]
+    assert opened(copy).query("SELECT version, reduced_by FROM runs").rows == 2 * [(2, present())]
+    assert [task.digest for task in Reductions(copy, publish=True).tasks(None)] == [task.digest for task in tasks]
+    assert [reduce_again(**task.arguments)["published"] for task in tasks] == [2, 2]
+    assert opened(copy).query("SELECT count(*) FROM all_runs").rows == [(4,)]
 
 
 def test_a_folder_without_an_archive_is_refused(tmp_path):
