@@ -31,6 +31,7 @@ QUICK = (
     ("case_time_constant: 3 min", "case_time_constant: 40 s"),
     ("sensor_time_constant: 1 min", "sensor_time_constant: 20 s"),
 )
+TIE_C = 0.03  # about the differences of such samples that the noise-free temperatures of a truth have
 
 
 def quick_request(folder: Path, seed: int, *edits: tuple[str, str]) -> RunRequest:
@@ -86,12 +87,15 @@ def true_figures(legs: dict) -> dict[str, float]:
 
 
 def one_way(leg: dict) -> dict:
-    """A leg after it has come back to the temperature of its third sample and before it has that of its third last."""
+    """A leg from when it has come back to the temperature of its third sample until it has that of its third last.
+
+    A sample within `TIE_C` of these belongs to it: samples taken symmetrically about a turn may be equal to the digit.
+    """
     temperature_c = np.array(leg["temperature_c"])
     along_c = temperature_c * np.sign(temperature_c[-1] - temperature_c[0])
     half = len(along_c) // 2
-    begin = np.flatnonzero(along_c[:half] <= np.median(along_c[:5]))[-1] + 1
-    end = half + np.flatnonzero(along_c[half:] >= np.median(along_c[-5:]))[0]
+    begin = np.flatnonzero([True, *(along_c[:half] < np.median(along_c[:5]) - TIE_C)])[-1]
+    end = half + np.flatnonzero([*(along_c[half:] > np.median(along_c[-5:]) + TIE_C), True])[0]
     begin, end = begin if begin > 5 else 0, end if end < len(along_c) - 5 else len(along_c)
     return {name: values[begin:end] for name, values in leg.items()}
 
