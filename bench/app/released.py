@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # sequences without a calibration load no arithmetic
 OPTION = "--calibration"
 AT_A_KNOT_C = 1.0
 AIR_MIN = 1.0  # by which the air in a chamber is behind its set point
-ARRIVED_C = 1.0  # by which a unit on a ramp may go beyond its calibration: certificates of two thermometers
+ARRIVED_C = 1.0  # by which a warm unit may be beyond its calibration: certificates of two thermometers
 
 
 class Released(NamedTuple):
@@ -130,27 +130,43 @@ def _warms_by_c(place: str, bench: BenchFile) -> float:
     return nominal.self_heating if nominal is not None else 0.0
 
 
+def _starts_cold(plan: Plan) -> bool:
+    """True if a unit is measured from power-on, before it is as warm as it becomes."""
+    used = {plan.sequence.results[number].method for number in _entries(plan).values()}
+    return any(known_methods()[name].counts_at == "windows" for name in used)
+
+
 def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Problem]:
-    """Yield set points at which a unit, cold or warm, is outside the temperature range of its calibration."""
+    """Yield set points at which a unit is outside the temperature range of its calibration."""
     for place, released in found.items():
         warms_c = _warms_by_c(place, bench)
         for set_c, where in _measured_at(plan).items():
-            yield from _outside(released, place, where, f"at {set_c:g} °C", (set_c, set_c + warms_c))
+            name, warm_c = f"at {set_c:g} °C", set_c + warms_c
+            if _starts_cold(plan):
+                yield from _outside(released, place, where, name, (set_c, warm_c))
+            else:
+                yield from _outside(released, place, where, name, (warm_c + ARRIVED_C, warm_c - ARRIVED_C))
         for where, ends_c, least_c in _legs(plan, place, bench):
             name = f"on the ramp from {ends_c[0]:g} °C to {ends_c[1]:g} °C"
             yield from _outside(released, place, where, name, least_c)
 
 
 def _outside(released: Released, place: str, where: Place, name: str, goes_c: tuple[float, float]) -> Iterator[Problem]:
-    """Yield the problem of temperatures of a unit that its calibration does not have."""
+    """Yield the problem of a unit whose lowest or highest temperature is outside its calibration."""
     low_c, high_c = released.content.valid_c
-    if goes_c[0] < low_c or goes_c[1] > high_c:
-        yield (
-            where,
-            f"{name} the unit in place '{place}' goes from {goes_c[0]:g} °C to about {goes_c[1]:g} "
-            f"°C, but its calibration {released.path.name} is valid from {low_c:.4g} °C to {high_c:.4g} °C. "
-            "Choose temperatures in this range, or calibrate the unit over a wider one",
+    if low_c <= goes_c[0] and goes_c[1] <= high_c:
+        return
+    valid = (
+        f"{released.path.name} is valid from {low_c:.4g} °C to {high_c:.4g} °C. Choose temperatures in this range, or "
+        "calibrate the unit over a wider one"
+    )
+    unit = f"the unit in place '{place}' is at about {sum(goes_c) / 2.0:g} °C, but its calibration {valid}"
+    if goes_c[0] < goes_c[1]:
+        unit = (
+            f"the unit in place '{place}' goes from {goes_c[0]:g} °C to about {goes_c[1]:g} °C, but its calibration "
+            f"{valid}"
         )
+    yield where, f"{name} {unit}"
 
 
 def _legs(plan: Plan, place: str, bench: BenchFile) -> Iterator[tuple[Place, tuple[float, float], tuple[float, float]]]:

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from bench.app.request import RunRequest
-from bench.errors import StoreError
+from bench.app.request import RunRequest, prepare
+from bench.errors import InputError, StoreError
 from bench.reduce import stored_run
 from bench.reduce.stored_run import open_run
 from campaigns.truth.campaign import full_bench, results_of, run_one
@@ -24,6 +24,16 @@ def runs(tmp_path_factory):
     first = run_one(RunRequest("tumble_static", settings=CALIBRATED, **common))
     given = (str(first / "calibration_a.json"),)
     return first, run_one(RunRequest("verify_compensation", settings=VERIFIED, calibrations=given, **common))
+
+
+def test_the_set_points_of_the_calibration_are_accepted_and_colder_ones_are_not(runs, tmp_path):
+    given = (str(runs[0] / "calibration_a.json"),)
+    bench = str(full_bench(tmp_path))
+    same = RunRequest("verify_compensation", settings=CALIBRATED, bench=bench, calibrations=given)
+    prepare(same)
+    colder = ("temperatures=[20 °C, 50 °C, -12 °C]", *DWELLS)
+    with pytest.raises(InputError, match=r"at -12 °C the unit in place 'a' is at about -7 °C, but its calibration"):
+        prepare(same._replace(settings=colder))
 
 
 def value(curve, at_c):
