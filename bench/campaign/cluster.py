@@ -150,7 +150,21 @@ def here(workers: int) -> Iterator[Any]:
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}, silence_logs=logging.CRITICAL,
             )
         )  # fmt: skip
+        cluster.scheduler.add_plugin(_prompt(distributed))
         given = {"scheduler": cluster.scheduler_address, "security": keys, "folder": folder, "config": HERE}
         client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
         stack.enter_context(Workers(workers, given).running())
         yield client
+
+
+def _prompt(distributed: Any) -> Any:
+    """Plug-in of a scheduler that sends tasks at once.
+
+    Otherwise messages to a worker are 5 ms apart; a worker, which has one task at a time, then waits for the next.
+    """
+
+    class Prompt(distributed.SchedulerPlugin):  # type: ignore[misc]  # the library is optional
+        def add_worker(self, scheduler: Any, worker: str, **_: Any) -> None:
+            scheduler.stream_comms[worker].interval = 0.0
+
+    return Prompt()
