@@ -26,6 +26,7 @@ SHORTER = {  # sequence: bench, what is shortened, flags of its units (of an ine
     "channel_source": ("channel", (*OF_LEVELS[:-2], "source_warm_up=1 min"), {"slope_follows_level"}),
     "channel_gravity": ("channel", OF_LEVELS[:-1], set()),
     "channel_skew": ("channel", OF_LEVELS[:-1], set()),
+    "channel_imu": ("channel_imu", OF_LEVELS[:-1], {"slope_follows_level", "input_drifted"}),
     "indexing_static": ("indexing", ("warm_up=20 min",), {"K2_K3:range_too_small"}),
     "imu_24_position": ("imu", ("offsets=[0 °C, 30 °C, -40 °C, 0 °C]", "warm_up=1 h"), None),
     "gyro_range": ("gyro", (*LONG_ON, "rates=[50 °/s, 200 °/s, 400 °/s]"), {"rest_of_one_angle"}),
