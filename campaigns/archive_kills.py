@@ -1,8 +1,9 @@
 """Pushes to a bucket that are killed at a random instant, again and again: nothing half visible, nothing twice.
 
-Each trial pushes one of some runs to a bucket of moto or azurite and kills the process after a random part of the time
-that a push takes. A run whose row is in the table `runs` must be complete; at the end, each must be there once.
-`python -m campaigns.archive_kills --kills 200` continues where it was, by the numbers in `results.jsonl` of the folder.
+Each trial pushes one of some runs to a bucket of moto or azurite, and kills the process a moment after one of the
+objects or tables that it writes, drawn at random, whatever else the computer does. A run whose row is in the table
+`runs` must be complete; at the end, each must be there once. `python -m campaigns.archive_kills --kills 200` continues
+where it was, by `results.jsonl` of the folder.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from bench.archive.destination import Destination
+from bench.archive.publish import push
 from bench.archive.query import Archive, opened
 from bench.clock import wall_utc
 from bench.errors import InputError
@@ -56,43 +59,54 @@ def wrong(archive: Archive, runs: list[Path], *, all_there: bool) -> Iterator[st
             yield f"{run.name}: {found}, expected {expected(run)}"
 
 
-def killed(words: list[str], after_s: float) -> bool:
-    """Start a push and kill it after a time; return whether it was still running."""
-    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(after_s)
-        return False
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    return True
+def pushing(run: Path, url: str) -> subprocess.Popen[str]:
+    """A process that pushes a run and prints the name of each object and table once it is there."""
+    words = [sys.executable, "-m", "campaigns.archive_kills", "--push", str(run), url]
+    return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+
+
+def killed(run: Path, url: str, after: int, then_s: float) -> bool:
+    """Kill a push so many seconds after so many names; return whether it was still running."""
+    with pushing(run, url) as process:
+        assert process.stdout is not None
+        for _ in zip(range(after), process.stdout, strict=False):
+            pass
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(then_s)
+            return False
+        process.send_signal(signal.SIGKILL)
+        return True
 
 
 def campaign(folder: Path, store: str, kills: int, seed: int) -> int:
     """Carry out the trials that are missing; return the number of those that went wrong."""
     rng, results = random.Random(seed), folder / "results.jsonl"
     done = [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
+    count = sum(each["was_running"] for each in done)
     runs = made_runs(folder / "runs")
     with BUCKETS[store](folder / "store") as bucket:
         os.environ.update(bucket.variables)
         begun = time.monotonic()
-        first = [sys.executable, "-m", "bench", "archive", "push", str(runs[0]), f"{bucket.url}-first-{len(done)}"]
-        subprocess.run(first, check=True, capture_output=True, cwd=ROOT)
-        takes_s = time.monotonic() - begun
-        problems = 0
-        for number in range(len(done), kills):
+        with pushing(runs[0], f"{bucket.url}-first-{len(done)}") as process:
+            assert process.stdout is not None
+            times_s = [time.monotonic() - begun for _ in process.stdout]
+        between_s = (times_s[-1] - times_s[0]) / len(times_s)
+        problems, number = 0, len(done)
+        while count < kills:
             url = f"{bucket.url}-{number // RUNS}-{len(done)}"
-            words = [sys.executable, "-m", "bench", "archive", "push", str(runs[number % RUNS]), url]
-            was_running = killed(words, rng.uniform(0.25, 1.0) * takes_s)
-            takes_s *= 1.02 if was_running else 0.95  # whatever else the computer does now
+            run = runs[number % RUNS]
+            was_running = killed(run, url, rng.randrange(len(times_s)), rng.uniform(0.0, 2.0 * between_s))
+            count += was_running
             with contextlib.suppress(InputError):  # before the first push has begun the archive there is nothing to see
                 problems += _noted(results, number, was_running, list(wrong(opened(url), runs, all_there=False)))
-            if number % RUNS == RUNS - 1 or number == kills - 1:
+            if number % RUNS == RUNS - 1 or count == kills:
                 chosen = runs[: number % RUNS + 1]
-                push = [sys.executable, "-m", "bench", "archive", "push", *map(str, chosen), url]
-                subprocess.run(push, check=True, capture_output=True, cwd=ROOT)
+                whole = [sys.executable, "-m", "bench", "archive", "push", *map(str, chosen), url]
+                subprocess.run(whole, check=True, capture_output=True, cwd=ROOT)
                 found = list(wrong(opened(url), chosen, all_there=True))
                 problems += _noted(results, number, False, found)
-                print(f"{wall_utc():%H:%M:%S} {number + 1} kills, {problems} wrong", flush=True)
+                print(f"{wall_utc():%H:%M:%S} {count} kills, {problems} wrong", flush=True)
+            number += 1
     return problems
 
 
@@ -109,7 +123,11 @@ def main() -> None:
     parser.add_argument("--store", choices=sorted(BUCKETS), default="moto")
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--push", nargs=2, metavar=("RUN", "URL"), help="what a trial does before it is killed")
     given = parser.parse_args()
+    if given.push:
+        push(Path(given.push[0]), Destination(given.push[1]), watch=lambda name: print(name, flush=True))
+        return
     (given.folder / "runs").mkdir(parents=True, exist_ok=True)
     sys.exit(1 if campaign(given.folder, given.store, given.kills, given.seed) else 0)
 
