@@ -46,9 +46,15 @@ def _words(*words: object) -> list[str]:
     return [sys.executable, "-m", "bench", *map(str, words)]
 
 
-def _bench(*words: object, bucket: Bucket | None = None, **variables: str) -> subprocess.CompletedProcess[str]:
+def _bench(
+    *words: object, bucket: Bucket | None = None, clock: str = "", **variables: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command, on a clock that is off by `clock`, such as "+1h"."""
     env = {**os.environ, "PYTHONPATH": str(ROOT), **(bucket.variables if bucket else {}), **variables}
-    return subprocess.run(_words(*words), env=env, cwd=ROOT, text=True, capture_output=True, timeout=120, check=False)
+    shifted = ["faketime", "-f", clock] if clock else []
+    return subprocess.run(
+        [*shifted, *_words(*words)], env=env, cwd=ROOT, text=True, capture_output=True, timeout=120, check=False
+    )
 
 
 def _rows(bucket: Bucket, sql: str, **variables: str) -> str:
@@ -130,6 +136,26 @@ def test_a_server_that_is_away_is_named_within_a_minute_or_so(tmp_path, smoke_co
     pushed = _bench("archive", "push", smoke_copy, bucket.url, bucket=bucket)
     assert pushed.returncode == 3
     assert "the store does not answer: check the network and the address" in pushed.stderr
+
+
+@pytest.mark.peer("faketime")
+@pytest.mark.parametrize("clock", ["+1h", "-1h"])
+def test_a_clock_that_is_off_is_named_by_a_store_that_compares_it(tmp_path, smoke_copy, clock) -> None:
+    with s3rver(tmp_path / "store") as bucket:
+        pushed = _bench("archive", "push", smoke_copy, bucket.url, bucket=bucket, clock=clock)
+    assert pushed.returncode == 3
+    assert "the clocks of this computer and of the store differ: set the clock here" in pushed.stderr
+
+
+@pytest.mark.peer("faketime")
+def test_benches_whose_clocks_differ_by_hours_lose_nothing_and_leave_nothing_twice(bucket, runs) -> None:
+    dest = f"{bucket.url}-clocks"
+    for clock, run in zip(("+1h", "", "-1h", "+1h"), sorted(runs.iterdir()), strict=True):
+        assert _bench("archive", "push", run, dest, bucket=bucket, clock=clock).returncode == 0
+        assert _bench("archive", "push", run, dest, bucket=bucket).returncode == 0
+    there = Bucket(dest, bucket.variables)
+    assert _rows(there, "SELECT count(*) n, count(DISTINCT uuid) runs FROM all_runs") == '[{"n": 4, "runs": 4}]'
+    assert _rows(there, "SELECT uuid, id FROM all_findings GROUP BY ALL HAVING count(*) <> 1") == "[]"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount a small disk")
