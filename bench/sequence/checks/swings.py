@@ -49,8 +49,14 @@ def acquired_inside(plan: Plan, label: str | None) -> Iterator[Inside]:
     turning = {planned.id: planned.step for planned in plan if isinstance(planned.step, (Oscillate, Rotate))}
     for planned in plan:
         if isinstance(planned.step, Acquire) and label in (None, planned.step.label):
-            outer = (motion for step_id, motion in turning.items() if planned.id.startswith(f"{step_id}/"))
-            yield planned, next(outer, None)
+            around = (turning[outer] for outer in _outer_ids(planned.id) if outer in turning)
+            yield planned, next(around, None)
+
+
+def _outer_ids(step_id: str) -> Iterator[str]:
+    """Ids of all that a step may be inside of, outermost first."""
+    parts = step_id.split("/")
+    return ("/".join(parts[:count]) for count in range(1, len(parts)))
 
 
 def place_of(plan: Plan, motion: Oscillate) -> tuple[str | int, ...]:

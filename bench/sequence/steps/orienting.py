@@ -150,28 +150,39 @@ def targets_deg(attitude: Attitude, bench: BenchFile, pose: Pose) -> dict[str, f
     """
     if attitude.rows is None:
         raise Unreachable("its attitude is not known")
-    reached = reachable(tuple(map(_whole, bench.axes.values())), _unit_at_zero(bench, pose.mount))
-    best: dict[str, float] = {}
-    least = (math.inf, math.inf)
-    for quarters in reached.get(attitude.rows, ()):
-        found = {
-            role: _nearest(quarter * QUARTER_DEG, pose.angles_deg.get(role, 0.0), _ends_deg(bench, role))
-            for role, quarter in zip(bench.axes, quarters, strict=True)
-        }
-        way_deg = math.fsum(abs(angle_deg - pose.angles_deg.get(role, 0.0)) for role, angle_deg in found.items())
-        # of equally long ways, the one nearer to zero turns
-        cost = (round(way_deg, 6), math.fsum(map(abs, found.values())))
-        if cost < least:
-            best, least = found, cost
-    if best:
-        return best
+    axes = bench.axes
+    reached = reachable(tuple(map(_whole, axes.values())), _unit_at_zero(bench, pose.mount))
+    from_deg = tuple(pose.angles_deg.get(role, 0.0) for role in axes)
+    ends_deg = tuple(_ends_deg(bench, role) for role in axes)
+    if best := _shortest(reached.get(attitude.rows, ()), from_deg, ends_deg):
+        return dict(zip(axes, best, strict=True))
     if attitude.rows in reached:
-        raise Unreachable(f"{attitude.name} is beyond the angles that the bench file allows {' and '.join(bench.axes)}")
+        raise Unreachable(f"{attitude.name} is beyond the angles that the bench file allows {' and '.join(axes)}")
     mount = f" in mount '{pose.mount or next(iter(bench.fixture.mounts))}'" if bench.fixture.mounts else ""
     raise Unreachable(
-        f"{attitude.name} cannot be reached by {' and '.join(bench.axes) or 'no axis'}{mount}: "
+        f"{attitude.name} cannot be reached by {' and '.join(axes) or 'no axis'}{mount}: "
         f"{len(reached)} of 24 attitudes can"
     )
+
+
+@lru_cache(maxsize=1024)  # checks, estimates and runs ask for the same ways again and again
+def _shortest(
+    ways: tuple[Quarters, ...], from_deg: tuple[float, ...], ends_deg: tuple[tuple[float, float], ...]
+) -> tuple[float, ...]:
+    """Angles of the axes after the shortest of several ways; empty if none is within the ends."""
+    best: tuple[float, ...] = ()
+    least = (math.inf, math.inf)
+    for quarters in ways:
+        found = tuple(
+            _nearest(quarter * QUARTER_DEG, begun_deg, ends)
+            for quarter, begun_deg, ends in zip(quarters, from_deg, ends_deg, strict=True)
+        )
+        way_deg = math.fsum(abs(angle_deg - begun_deg) for angle_deg, begun_deg in zip(found, from_deg, strict=True))
+        # of equally long ways, the one nearer to zero turns
+        cost = (round(way_deg, 6), math.fsum(map(abs, found)))
+        if cost < least:
+            best, least = found, cost
+    return best
 
 
 @lru_cache(maxsize=32)
@@ -196,11 +207,16 @@ def _unit_at_zero(bench: BenchFile, mount_name: str | None) -> Rows:
     own = {(place.mount_angle, place.clock) for place in bench.places.values()}
     if len(own) > 1:
         raise Unreachable("the units are oriented differently in their places: their mount angles are not the same")
-    x, z = _whole(fixture.x), _whole(fixture.z)
     raised_deg, clocked_deg = next(iter(own))
-    turns_deg = [
+    turns_deg = (
         ("y", -mount.angle), ("x", mount.roll), ("z", mount.clock), ("y", -raised_deg), ("z", clocked_deg),
-    ]  # fmt: skip
+    )  # fmt: skip
+    return _mounted(_whole(fixture.x), _whole(fixture.z), turns_deg)
+
+
+@lru_cache(maxsize=32)
+def _mounted(x: Row, z: Row, turns_deg: tuple[tuple[str, float], ...]) -> Rows:
+    """Directions of axes after turns about them, one after the other; Unreachable if not by quarter turns."""
     rows: Rows = (x, _cross(z, x), z)
     for axis, angle_deg in turns_deg:
         quarters = angle_deg / QUARTER_DEG
