@@ -15,7 +15,7 @@ from bench.sequence.document.model import ResultEntry
 from bench.sequence.method import known_methods
 from bench.sequence.plan.plan import Plan
 from bench.sequence.steps.measuring import Acquire
-from bench.sequence.steps.stimulus import Oscillate, Rotate
+from bench.sequence.steps.stimulus import Oscillate
 from drivers.can.sent_frames import WITH_THE_COUNTS
 
 LEAST_STEPS = 30.0  # minimum pulses or codes of an oscillation: with fewer, quantisation dominates its uncertainty
@@ -29,53 +29,58 @@ METHODS = (*RANGE_METHODS, *RESPONSE_METHODS)
 def no_encoder(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A test on a table whose angle is not latched together with the output."""
     for place, entry in results_by(plan, *METHODS):
-        found = (
-            misfit
+        distinct = dict.fromkeys(
+            (planned.step.role, motion.role, isinstance(motion, Oscillate))
             for planned, motion in acquired_inside(plan, entry.data)
             if motion is not None and isinstance(planned.step, Acquire)
-            for misfit in _without_encoder(bench, bench.acquired_from(planned.step.role), motion)
+        )
+        found = (
+            misfit
+            for role, device, swings in distinct
+            for misfit in _without_encoder(bench, bench.acquired_from(role), device, swings)
         )
         if (first := next(found, None)) is not None:
             yield (*place, "method"), *first
 
 
-def _without_encoder(bench: BenchFile, devices: Sequence[str], motion: Oscillate | Rotate) -> Iterator[tuple[str, str]]:
-    """Problem and advice for each unit whose output has no encoder on a clock as close as the motion needs."""
+def _without_encoder(bench: BenchFile, devices: Sequence[str], moved: str, swings: bool) -> Iterator[tuple[str, str]]:
+    """Problem and advice for each unit whose output has no encoder of `moved` on a clock as close as its motion needs.
+
+    `devices` record the output; a motion swings or turns at a rate.
+    """
     all_encoders = [bench.devices[role].encoders for role in devices]
-    latched_with = [encoders[motion.role].channel for encoders in all_encoders if motion.role in encoders]
-    swings = isinstance(motion, Oscillate)
+    latched_with = [encoders[moved].channel for encoders in all_encoders if moved in encoders]
     for name, place in bench.places.items():
         if place.channels is not None and bench.sent_units(place):
             if not bench.sampled_together(place, latched_with):
                 yield (
                     f"it needs all channels of the inertial unit in place '{name}' sampled together, and the encoder "
-                    f"of '{motion.role}' latched with the samples of one of them",
+                    f"of '{moved}' latched with the samples of one of them",
                     "Let one device send all of its channels with one period and one clock, and add the encoder to "
                     "options.positions of this device in the bench file, with one of the channels",
                 )
         elif place.is_counted:
             if WITH_THE_COUNTS not in latched_with:
                 yield (
-                    f"it needs the encoder of '{motion.role}' latched with the pulses, and the counter latches no "
-                    "encoder",
+                    f"it needs the encoder of '{moved}' latched with the pulses, and the counter latches no encoder",
                     "Add the encoder to options.positions of the counter in the bench file, or run it on another bench",
                 )
         elif swings and place.voltmeter is not None:
             yield (
-                f"a swing needs the encoder of '{motion.role}' latched with the output; in place "
+                f"a swing needs the encoder of '{moved}' latched with the output; in place "
                 f"'{name}' the voltmeter '{place.voltmeter}' shares no clock with it, and integrates for longer than "
                 "a swing",
                 "Use a bench where a counter or telemetry records the unit together with the encoder",
             )
         elif swings and place.telemetry not in latched_with:
             yield (
-                f"a swing needs the encoder of '{motion.role}' latched with the samples of channel '{place.telemetry}'",
+                f"a swing needs the encoder of '{moved}' latched with the samples of channel '{place.telemetry}'",
                 "Add the encoder to options.positions of the telemetry in the bench file, with that channel, or run it "
                 "on another bench",
             )
         elif not latched_with:
             yield (
-                f"it needs the encoder of '{motion.role}', and nothing on the bench latches it",
+                f"it needs the encoder of '{moved}', and nothing on the bench latches it",
                 "Add the encoder to options.positions of a counter or of the telemetry in the bench file",
             )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import cache
 
 from bench.config.models import BenchFile
 from bench.sequence.checks.remarks import Found
@@ -17,13 +18,18 @@ Inside = tuple[PlannedStep, Oscillate | Rotate | None]  # an acquisition and the
 
 def commensurate_swing(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """An oscillation sampled at only a few phases, so that the quantisation of the encoder does not average out."""
+
+    @cache
+    def periods_s(role: str, device: str) -> tuple[float, ...]:
+        return tuple(_periods_s(bench, role, device))
+
     for planned, motion in acquired_inside(plan, None):
         step = planned.step
         if not isinstance(step, Acquire) or not isinstance(motion, Oscillate) or step.duration_s is None:
             continue
         if motion.chirp is not None:
             continue
-        for period_s in _periods_s(bench, step.role, motion.role):
+        for period_s in periods_s(step.role, motion.role):
             turns = motion.highest_hz * period_s  # periods of the oscillation from sample to sample
             near = Fraction(turns).limit_denominator(FEW_PHASES)
             drift = abs(turns - near) * step.duration_s / period_s
