@@ -16,7 +16,7 @@ from bench.sequence.plan.motion import Side, came_from
 from bench.sequence.steps.custom import Custom, known_steps
 from bench.sequence.steps.fields import is_known
 from bench.sequence.steps.measuring import Acquire, Measure, Tare
-from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Turning, Unreachable
 from bench.sequence.steps.stimulus import Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
@@ -243,7 +243,7 @@ async def orient(step: Orient, bench: Bench) -> Mapping[str, Any]:
     """Move one axis after the other, the outer first; an axis already at its target is not moved."""
     pose = Pose({role: await _angle_deg(role, bench) for role in bench.file.axes}, bench.journal.state.mount)
     try:
-        targets = targets_deg(step.attitude, bench.file, pose)
+        targets = Turning(bench.file).targets_deg(step.attitude, pose)
     except Unreachable as problem:
         raise StepError(f"{problem}. Nothing was sent.") from None
     stands_deg: dict[str, float] = {}

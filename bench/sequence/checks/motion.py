@@ -11,7 +11,7 @@ from bench.sequence.checks.remarks import Found
 from bench.sequence.plan.plan import Plan
 from bench.sequence.plan.poses import poses_before
 from bench.sequence.steps.measuring import Acquire
-from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Turning, Unreachable
 from bench.sequence.steps.stimulus import TURN_DEG, Move
 from drivers.quantity.quantities import parse
 from drivers.quantity.units import NO_DIMENSION
@@ -21,13 +21,14 @@ G = parse("1 g")
 
 def forbidden_angle(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """A move that ends in, or passes through, angles at which the fixture would collide."""
+    turning = Turning(bench)
     for planned, pose in poses_before(plan, bench) if bench.fixture.forbidden else ():
         step = planned.step
         if isinstance(step, Move):
             from_deg = pose.angles_deg.get(step.role, 0.0)
             target_deg = step.target_deg(from_deg)
         elif isinstance(step, Orient):
-            from_deg, target_deg = _outermost(step, bench, pose)
+            from_deg, target_deg = _outermost(step, bench, turning, pose)
         else:
             continue
         for allowed in bench.fixture.forbidden:
@@ -44,12 +45,12 @@ def _target_key(step: Move | Orient) -> str:
     return "orient" if isinstance(step, Orient) else "to" if step.to_deg is not None else "by"
 
 
-def _outermost(step: Orient, bench: BenchFile, pose: Pose) -> tuple[float, float]:
+def _outermost(step: Orient, bench: BenchFile, turning: Turning, pose: Pose) -> tuple[float, float]:
     """Start and end angle of the outermost axis; None if the attitude is not reached."""
     role = next(iter(bench.axes))
     from_deg = pose.angles_deg.get(role, 0.0)
     try:
-        return from_deg, targets_deg(step.attitude, bench, pose)[role]
+        return from_deg, turning.targets_deg(step.attitude, pose)[role]
     except Unreachable:
         return from_deg, math.nan
 
@@ -65,11 +66,11 @@ def _meet(from_deg: float, to_deg: float, low_deg: float, high_deg: float) -> bo
 
 def unreachable_attitude(plan: Plan, bench: BenchFile) -> Iterator[Found]:
     """Attitudes that the table cannot reach in the present mount of the units; one message per step."""
-    why: dict[Place, dict[str, str]] = {}
+    turning, why = Turning(bench), dict[Place, dict[str, str]]()
     for planned, pose in poses_before(plan, bench):
         if isinstance(planned.step, Orient) and planned.waiting is None:
             try:
-                targets_deg(planned.step.attitude, bench, pose)
+                turning.targets_deg(planned.step.attitude, pose)
             except Unreachable as problem:
                 name = planned.step.attitude.name
                 text = str(problem).removeprefix(f"{name} ")

@@ -32,7 +32,8 @@ def unused_parameter(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
 
 def unused_need(plan: Plan, _bench: BenchFile) -> Iterator[Found]:
     """A role that no step uses; a thermometer for results counts as used."""
-    used = {name for planned in plan for name in _mentioned(planned.step)}
+    steps = {id(planned.step): planned.step for planned in plan}.values()  # passes of a loop share them
+    used = {name for step in steps for name in _mentioned(step)}
     used |= {name.partition(".")[0] for entry in plan.sequence.interlocks.values() for name in entry.names}
     for role, kind in plan.sequence.needs.items():
         if role not in used and not (kind == THERMOMETER and plan.sequence.results):

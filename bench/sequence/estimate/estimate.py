@@ -26,7 +26,7 @@ from bench.sequence.plan.plan import (
 )
 from bench.sequence.steps.custom import Custom, known_steps
 from bench.sequence.steps.measuring import Acquire, Measure, Tare
-from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Turning, Unreachable
 from bench.sequence.steps.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotate, SetOutput
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
@@ -126,6 +126,7 @@ class _Course:
         self._bench = bench
         self._state = BenchState(bench.simulation.chamber.start)
         self._settling = Settling(bench)
+        self._turning = Turning(bench)
         self._mount: str | None = None
         self._times = 1
         self.spans: list[Span] = []
@@ -232,7 +233,7 @@ class _Course:
     def _orient_s(self, step: Orient) -> float:
         """Duration of the moves, one axis after the other; 0 for an unreachable attitude, which the check reports."""
         try:
-            targets = targets_deg(step.attitude, self._bench, Pose(self._state.angles_deg, self._mount))
+            targets = self._turning.targets_deg(step.attitude, Pose(self._state.angles_deg, self._mount))
         except Unreachable:
             return step.settle_s
         taken_s = step.settle_s

@@ -218,6 +218,8 @@ class Settling:
 
 def _is_stable(window: deque[float], every_s: float, stable: Stable, restless_c: float) -> bool:
     """True if equidistant temperatures are within the band and their fitted line is flat enough."""
+    if abs(window[-1] - window[0]) + restless_c > stable.band_c:  # found sooner than all of its extremes
+        return False
     if max(window) - min(window) + restless_c > stable.band_c:
         return False
     middle = (len(window) - 1) / 2

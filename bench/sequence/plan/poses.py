@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 from bench.config.models import BenchFile
 from bench.sequence.plan.plan import Alternatives, Meanwhile, Nodes, Passes, Plan, PlannedStep, within
-from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Turning, Unreachable
 from bench.sequence.steps.stimulus import Move, Rotate
 from bench.sequence.steps.talk import Prompt
+from bench.sequence.steps.verbs import Step
 
 # passes of a loop with a measured end; an axis that moves beyond its limits has done so by then
 PASSES_LOOKED_AT = 1000
@@ -27,7 +28,7 @@ def angles_before(plan: Plan, bench: BenchFile | None = None) -> Iterator[tuple[
     Without a bench the angles of a table for an attitude are unknown.
     """
     for planned, pose in poses_before(plan, bench):
-        yield planned, pose.angles_deg.get(getattr(planned.step, "role", ""), 0.0)
+        yield planned, pose.angles_deg.get(_role(planned.step), 0.0)
 
 
 def poses_before(plan: Plan, bench: BenchFile | None) -> Iterator[tuple[PlannedStep, Pose]]:
@@ -39,9 +40,15 @@ def poses_before(plan: Plan, bench: BenchFile | None) -> Iterator[tuple[PlannedS
     yield from _Travel(bench).nodes((*plan.setup, *plan.steps, *plan.teardown))
 
 
+def _role(step: Step) -> str:
+    """Device of a step; "" for a step without one."""
+    role: str = vars(step).get("role", "")  # getattr of a key that a model lacks is slow
+    return role
+
+
 class _Travel:
     def __init__(self, bench: BenchFile | None) -> None:
-        self._bench = bench
+        self._turning = None if bench is None else Turning(bench)
         self._angles_deg: dict[str, float] = {}
         self._mount: str | None = None
 
@@ -72,21 +79,21 @@ class _Travel:
     def _step(self, planned: PlannedStep) -> tuple[PlannedStep, Pose]:
         """The step and the pose before it; stores the pose after it."""
         step, pose = planned.step, Pose(dict(self._angles_deg), self._mount)
-        from_deg = self._angles_deg.get(getattr(step, "role", ""), 0.0)
+        from_deg = self._angles_deg.get(_role(step), 0.0)
         if isinstance(step, Move):
             target_deg = step.target_deg(from_deg)
             self._angles_deg[step.role] = from_deg if math.isnan(target_deg) else target_deg
         elif isinstance(step, Rotate) and step.during is None:
             self._angles_deg[step.role] = from_deg + math.copysign(step.least_s * abs(step.rate_dps), step.rate_dps)
-        elif isinstance(step, Orient) and self._bench is not None:
-            self._orient(step, self._bench, pose)
+        elif isinstance(step, Orient) and self._turning is not None:
+            self._orient(step, self._turning, pose)
         elif isinstance(step, Prompt) and step.expect is not None and step.expect.mount is not None:
             self._mount = step.expect.mount
         return planned, pose
 
-    def _orient(self, step: Orient, bench: BenchFile, pose: Pose) -> None:
+    def _orient(self, step: Orient, turning: Turning, pose: Pose) -> None:
         """Pose after an attitude; an unreachable one changes nothing and is reported elsewhere."""
         try:
-            self._angles_deg |= targets_deg(step.attitude, bench, pose)
+            self._angles_deg |= turning.targets_deg(step.attitude, pose)
         except Unreachable:
             return

@@ -143,26 +143,40 @@ class Unreachable(Exception):
     """An attitude that the axes cannot reach, with the reason."""
 
 
-def targets_deg(attitude: Attitude, bench: BenchFile, pose: Pose) -> dict[str, float]:
-    """The target angle of each axis, outer first, by the shortest way from its present angle.
+class Turning:
+    """Axes of a bench that turn its units to attitudes; what the bench alone decides is worked out once."""
 
-    Raises Unreachable.
-    """
-    if attitude.rows is None:
-        raise Unreachable("its attitude is not known")
-    axes = bench.axes
-    reached = reachable(tuple(map(_whole, axes.values())), _unit_at_zero(bench, pose.mount))
-    from_deg = tuple(pose.angles_deg.get(role, 0.0) for role in axes)
-    ends_deg = tuple(_ends_deg(bench, role) for role in axes)
-    if best := _shortest(reached.get(attitude.rows, ()), from_deg, ends_deg):
-        return dict(zip(axes, best, strict=True))
-    if attitude.rows in reached:
-        raise Unreachable(f"{attitude.name} is beyond the angles that the bench file allows {' and '.join(axes)}")
-    mount = f" in mount '{pose.mount or next(iter(bench.fixture.mounts))}'" if bench.fixture.mounts else ""
-    raise Unreachable(
-        f"{attitude.name} cannot be reached by {' and '.join(axes) or 'no axis'}{mount}: "
-        f"{len(reached)} of 24 attitudes can"
-    )
+    def __init__(self, bench: BenchFile) -> None:
+        self._bench = bench
+        self._axes = bench.axes
+        self._ends_deg = tuple(_ends_deg(bench, role) for role in self._axes)
+        self._reached: dict[str | None, Mapping[Rows, tuple[Quarters, ...]]] = {}  # by mount
+
+    def targets_deg(self, attitude: Attitude, pose: Pose) -> dict[str, float]:
+        """The target angle of each axis, outer first, by the shortest way from its present angle.
+
+        Raises Unreachable.
+        """
+        if attitude.rows is None:
+            raise Unreachable("its attitude is not known")
+        reached = self._reachable(pose.mount)
+        from_deg = tuple(pose.angles_deg.get(role, 0.0) for role in self._axes)
+        if best := _shortest(reached.get(attitude.rows, ()), from_deg, self._ends_deg):
+            return dict(zip(self._axes, best, strict=True))
+        axes = " and ".join(self._axes)
+        if attitude.rows in reached:
+            raise Unreachable(f"{attitude.name} is beyond the angles that the bench file allows {axes}")
+        mounts = self._bench.fixture.mounts
+        mount = f" in mount '{pose.mount or next(iter(mounts))}'" if mounts else ""
+        raise Unreachable(
+            f"{attitude.name} cannot be reached by {axes or 'no axis'}{mount}: {len(reached)} of 24 attitudes can"
+        )
+
+    def _reachable(self, mount: str | None) -> Mapping[Rows, tuple[Quarters, ...]]:
+        if mount not in self._reached:
+            unit = _unit_at_zero(self._bench, mount)
+            self._reached[mount] = reachable(tuple(map(_whole, self._axes.values())), unit)
+        return self._reached[mount]
 
 
 @lru_cache(maxsize=1024)  # checks, estimates and runs ask for the same ways again and again
@@ -207,16 +221,11 @@ def _unit_at_zero(bench: BenchFile, mount_name: str | None) -> Rows:
     own = {(place.mount_angle, place.clock) for place in bench.places.values()}
     if len(own) > 1:
         raise Unreachable("the units are oriented differently in their places: their mount angles are not the same")
+    x, z = _whole(fixture.x), _whole(fixture.z)
     raised_deg, clocked_deg = next(iter(own))
-    turns_deg = (
+    turns_deg = [
         ("y", -mount.angle), ("x", mount.roll), ("z", mount.clock), ("y", -raised_deg), ("z", clocked_deg),
-    )  # fmt: skip
-    return _mounted(_whole(fixture.x), _whole(fixture.z), turns_deg)
-
-
-@lru_cache(maxsize=32)
-def _mounted(x: Row, z: Row, turns_deg: tuple[tuple[str, float], ...]) -> Rows:
-    """Directions of axes after turns about them, one after the other; Unreachable if not by quarter turns."""
+    ]  # fmt: skip
     rows: Rows = (x, _cross(z, x), z)
     for axis, angle_deg in turns_deg:
         quarters = angle_deg / QUARTER_DEG

@@ -9,7 +9,7 @@ from bench.config.bench import load_bench
 from bench.methods.imu.reduction.attitudes import ATTITUDES, BODY_AXES, NAMES
 from bench.metrology.acquisition import Mount
 from bench.metrology.orientation import turned_axes
-from bench.sequence.steps.orienting import Orient, Pose, Unreachable, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Turning, Unreachable
 from tests.support.runs import ROOT
 
 THREE, TWO = (load_bench(ROOT / "config" / f"{name}.yaml").bench for name in ("imu", "imu_two_axis"))
@@ -28,7 +28,7 @@ def orientation(bench, targets, mount=Mount()):  # noqa: B008  frozen
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_table_goes_where_the_reduction_finds_the_attitude(name):
-    found = orientation(THREE, targets_deg(attitude(name), THREE, Pose()))
+    found = orientation(THREE, Turning(THREE).targets_deg(attitude(name), Pose()))
     assert found == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
 
 
@@ -38,7 +38,7 @@ def test_a_table_of_two_axes_reaches_16_attitudes_in_one_mounting_and_the_others
         reached[mount] = []
         for name in NAMES:
             try:
-                targets = targets_deg(attitude(name), TWO, Pose(mount=mount))
+                targets = Turning(TWO).targets_deg(attitude(name), Pose(mount=mount))
             except Unreachable:
                 continue
             reached[mount].append(name)
@@ -62,7 +62,7 @@ def test_every_form_means_the_same(raw):
 def test_the_way_is_the_shortest_from_where_the_axes_stand():
     for name, start in itertools.product(NAMES[::5], ((0, 0, 0), (350, -90, 725), (-170, 181, 90))):
         pose = Pose(dict(zip(THREE.axes, map(float, start), strict=True)))
-        targets = targets_deg(attitude(name), THREE, pose)
+        targets = Turning(THREE).targets_deg(attitude(name), pose)
         way = sum(abs(targets[role] - pose.angles_deg[role]) for role in targets)
         others = [
             sum(min(abs((q * 90 - a + 180) % 360 - 180), 360) for q, a in zip(quarters, start, strict=True))
@@ -78,7 +78,7 @@ def test_an_axis_with_ends_is_sent_within_them():
     devices = {**THREE.devices, "inner": THREE.devices["inner"].model_copy(update={"limits": ends})}
     bench = THREE.model_copy(update={"devices": devices})
     for name in NAMES:
-        targets = targets_deg(attitude(name), bench, Pose({"inner": 90.0}))
+        targets = Turning(bench).targets_deg(attitude(name), Pose({"inner": 90.0}))
         assert -100 <= targets["inner"] <= 100
         assert orientation(bench, targets) == pytest.approx(BODY_AXES[NAMES.index(name)], abs=1e-12)
 
@@ -87,7 +87,7 @@ def test_a_skew_mount_is_told():
     mounts = {"skew": TWO.fixture.mounts["along"].model_copy(update={"angle": 35.0})}
     bench = TWO.model_copy(update={"fixture": TWO.fixture.model_copy(update={"mounts": mounts})})
     with pytest.raises(Unreachable, match="not mounted by quarter turns"):
-        targets_deg(attitude("Ax1"), bench, Pose())
+        Turning(bench).targets_deg(attitude("Ax1"), Pose())
 
 
 def test_every_name_is_told_with_its_letters():

@@ -14,7 +14,7 @@ from bench.metrology.acquisition import Acquisition, Mount, Turned, Window
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
-from bench.sequence.steps.orienting import Orient, Pose, targets_deg
+from bench.sequence.steps.orienting import Orient, Pose, Turning
 from tests.support.flags import flag_of, texts
 from tests.support.runs import ROOT
 
@@ -35,7 +35,7 @@ def record(bench):
 
 def acquired(step, group, bench, mount, name, pps, turned=None):
     windows = {channel: Window(float(rate), 10.0, 10.0, ()) for channel, rate in zip(CHANNELS_OF, pps, strict=True)}
-    angles = targets_deg(Orient(orient=name).attitude, bench, Pose(mount=mount.name or None))
+    angles = Turning(bench).targets_deg(Orient(orient=name).attitude, Pose(mount=mount.name or None))
     at_c = np.full(3, 20.0 if "hot" not in group else 50.0)
     return Acquisition(
         step, group, {}, 0.0, 10.0, angles, 0.0, float(at_c[0]), {}, {"t": at_c}, {"t": np.arange(3.0)}, mount,
