@@ -232,8 +232,15 @@ class BenchFile(StrictModel):
 
     def sent_units(self, entry: PlaceEntry) -> Mapping[str, str]:
         """Return the units of the telemetry channels of an inertial unit, by acc_x to gyro_z."""
-        named = {} if entry.channels is None else dict(entry.channels)
-        return {name: each.unit for name, channel in named.items() if (each := self._sample_on(channel))}
+        if entry.channels is None:
+            return {}
+        units = {
+            channel: output.unit
+            for device in reversed([*self.devices.values()])  # of two devices with a channel, the first counts
+            for channel, output in device.outputs.items()
+            if isinstance(output, Sampled)
+        }
+        return {name: units[channel] for name, channel in entry.channels if channel in units}
 
     def sampled_together(self, entry: PlaceEntry, latched_with: Collection[str]) -> bool:
         """True if one device samples all channels of an inertial unit at once, one of them in `latched_with`."""
