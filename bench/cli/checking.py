@@ -5,10 +5,10 @@ from __future__ import annotations
 import gc
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench.cli.collection import uncollected
 from bench.cli.commands import Command, arguments, flag, option, options
 from bench.cli.exits import INPUT_ERROR, PASS
 from bench.cli.running import WISHES
@@ -28,18 +28,7 @@ FORMATS = ("text", "json", "sarif", "github", "junit")
 WITHOUT_COLLECTION = 50  # files, after which garbage is collected as usual
 
 
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Disable garbage collection in the block; it would take a fifth of the time of a short command."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()  # exclude these objects from later collections, at the latest that at exit
-        gc.enable()
-
-
-@_uncollected()
+@uncollected()
 def check(*, files: Sequence[str], benches: Sequence[str], strict: bool, form: str, **wishes: Any) -> int:
     """Check sequences against a bench, and other files; nothing is opened.
 

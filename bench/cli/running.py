@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench.cli.collection import uncollected
 from bench.cli.commands import Command, argument, flag, option, options
 from bench.cli.exits import BENCH_ERROR, INPUT_ERROR, NOT_SAFE, PASS, of_run
 from bench.cli.interrupts import raise_again
@@ -78,15 +79,13 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
 
 def run(*, as_json: bool, **wishes: Any) -> int:
     """Run a sequence on a bench."""
-    from bench.app.inputs import expect_inputs
-    from bench.app.request import RunRequest, prepare
     from bench.runner.output import tolerant_output
 
     with tolerant_output():
         if wishes["bench"] is None:
             remark("No --bench given: running on the shipped simulated bench.")
-        prepared = prepare(RunRequest(**wishes))
-        expect_inputs(prepared)
+        with uncollected():
+            prepared = _prepared(wishes)
         warn(prepared.plan, prepared.warnings)
         if prepared.request.unattended:
             from bench.app.preflight import lines_of, preflight
@@ -99,6 +98,15 @@ def run(*, as_json: bool, **wishes: Any) -> int:
                 return INPUT_ERROR
             prepared = prepared._replace(preflight=tuple(line._asdict() for line in found.lines))
         return _executed(prepared, None, as_json=as_json)
+
+
+def _prepared(wishes: Mapping[str, Any]) -> PreparedRun:
+    from bench.app.inputs import expect_inputs
+    from bench.app.request import RunRequest, prepare
+
+    prepared = prepare(RunRequest(**wishes))
+    expect_inputs(prepared)
+    return prepared
 
 
 def preflight(*, as_json: bool, **wishes: Any) -> int:
