@@ -10,7 +10,6 @@ from bench.app import request as requests
 from bench.app.files_to_check import SEQUENCE, FileToCheck
 from bench.app.request import RunRequest
 from bench.config.bench import LoadedBench, load_bench
-from bench.config.laboratory import load_laboratory
 from bench.config.load import find, load_file
 from bench.errors import InputError
 from bench.sequence.checks.check import unmet_needs
@@ -144,5 +143,5 @@ CHECKS: Mapping[str, Check] = {  # what they need is imported by them, because i
     "table": _beside("framed_table"),
     "uut": lambda path: loaded("bench.app.laboratory:check_unit_file")(path),
     "calibration": lambda path: loaded("bench.offline.calibration_file:read_calibration")(path),
-    "laboratory": load_laboratory,
+    "laboratory": lambda path: loaded("bench.config.laboratory:load_laboratory")(path),
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 from collections.abc import Iterable
 
@@ -17,6 +16,8 @@ _LOOKS_LIKE = str.maketrans("oil", "011")  # letters mistaken for digits, such a
 
 @functools.lru_cache(maxsize=1024)
 def _nearest(name: str, known: tuple[str, ...]) -> str | None:
+    import difflib  # here, because most files have no unknown name
+
     alike = {known_name.casefold().translate(_LOOKS_LIKE): known_name for known_name in known}
     if same := alike.get(name.casefold().translate(_LOOKS_LIKE)):
         return same

@@ -11,7 +11,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 from bench.config.models import BenchFile
@@ -24,7 +24,12 @@ from drivers.quantity.quantities import Quantity
 
 PEAK_TO_PEAK_SD = 6.0  # peak-to-peak noise over a soak, in standard deviations
 SAMPLES_OF_A_HOLD = 200  # samples of a window at most; a longer hold time is sampled more coarsely than in the run
-_USUAL_UNIT = Nominal.model_validate({"K1": "1 A/g"})  # only the thermal properties are used
+
+
+@cache
+def _usual_unit() -> Nominal:
+    """Unit that a bench file does not describe; only its thermal properties are used."""
+    return Nominal.model_validate({"K1": "1 A/g"})
 
 
 class _Reading(NamedTuple):
@@ -184,13 +189,13 @@ class Settling:
         noise_c = PEAK_TO_PEAK_SD * thermometer.noise
         place = next(self._places_at(name), None)
         if place is not None:
-            unit = place.nominal or _USUAL_UNIT
+            unit = place.nominal or _usual_unit()
             lags = lag_poles((*unit.time_constants, thermometer.lag))
             restless_c = swing_c * gain(lags, chamber.limit_cycle_period) + noise_c
             return _Reading((*air, *lags), lags, place.supply, unit.self_heating, restless_c)
         converter = next(self._converters_at(name), None)
         if converter is not None:
-            lags = lag_poles(((converter.nominal or _USUAL_UNIT).converter_time_constant, thermometer.lag))
+            lags = lag_poles(((converter.nominal or _usual_unit()).converter_time_constant, thermometer.lag))
             restless_c = swing_c * gain(lags, chamber.limit_cycle_period) + noise_c
             return _Reading((*air, *lags), restless_c=restless_c)
         device = bench.devices[self._source(name).partition(".")[0]]
