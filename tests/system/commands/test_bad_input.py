@@ -371,6 +371,18 @@ def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does
     assert loaded(after_command("check", "smoke"), f"{never} {methods}") == ["bench.sequence.method"]
 
 
+def test_checking_a_sequence_without_mistakes_loads_nothing_for_other_files_and_for_mistakes():
+    others = "bench.config.laboratory bench.offline.calibration_file bench.certificates.certificate difflib sqlite3"
+    assert loaded(after_command("check", "smoke", "--bench", "simulated"), others) == []
+
+
+def test_a_run_without_a_report_loads_no_page_no_plot_no_server_and_no_archive(tmp_path):
+    never = "matplotlib jinja2 fastapi starlette uvicorn httpx deltalake h5py lxml scipy.optimize scipy.stats"
+    ours = "bench.report.page bench.report.html bench.station bench.web bench.archive bench.campaign"
+    command = after_command("run", "smoke", "--bench", "simulated", "--no-report", "--runs", str(tmp_path))
+    assert loaded(command, f"{never} {ours} bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+
+
 def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_others():
     every = " ".join(
         sorted(f"drivers.dialects.{path.parent.name}.description" for path in DIALECTS.glob("*/description.py"))
