@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bench.cli.checking import BENCHES, FILES
+from bench.cli.collection import uncollected
 from bench.cli.commands import Command, flag, option, whole_number
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR, NOT_SAFE, of_run
 from bench.cli.running import ANSWERS, NEW_RUNS, SCENARIO, SEED, UUT_MODEL, WISHES, warn
@@ -123,10 +124,11 @@ def _rehearsed(request: RunRequest, faults: int | None, *, shown: bool = False) 
     from bench.store.tried import note_tried
 
     with tolerant_output():
-        checked = load_checked(request)
-        warn(checked.plan, checked.warnings)
-        units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
-        prepared = prepare(request._replace(simulate=True, not_after=None, units=units))
+        with uncollected():
+            checked = load_checked(request)
+            warn(checked.plan, checked.warnings)
+            units = tuple(f"{place}={released.content.uut}" for place, released in checked.released.items())
+            prepared = prepare(request._replace(simulate=True, not_after=None, units=units))
         with Signals() as signals:
             with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:
                 rehearsal = rehearsed(prepared, progress, faults, signals)

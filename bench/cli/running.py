@@ -59,7 +59,8 @@ def plan(*, picture: Path | None, as_json: bool, **wishes: Any) -> None:
     from bench.figures.times_and_sizes import duration, megabytes
     from bench.report.plan_view.timeline import plan_table, safe_states, timeline_json, turned_by_hand
 
-    checked = load_checked(RunRequest(**wishes))
+    with uncollected():
+        checked = load_checked(RunRequest(**wishes))
     warn(checked.plan, checked.warnings)
     expected = checked.expected
     if picture is not None:
