@@ -33,12 +33,12 @@ def test_the_table_goes_where_the_reduction_finds_the_attitude(name):
 
 
 def test_a_table_of_two_axes_reaches_16_attitudes_in_one_mounting_and_the_others_in_another():
-    reached = {}
+    reached, turning = {}, Turning(TWO)
     for mount in TWO.fixture.mounts:
         reached[mount] = []
         for name in NAMES:
             try:
-                targets = Turning(TWO).targets_deg(attitude(name), Pose(mount=mount))
+                targets = turning.targets_deg(attitude(name), Pose(mount=mount))
             except Unreachable:
                 continue
             reached[mount].append(name)
