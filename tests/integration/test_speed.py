@@ -113,7 +113,7 @@ def test_a_durable_step_takes_a_few_times_a_bare_commit(tmp_path):
     assert steps_s - run_s(tmp_path, "  - note: Nothing.") < 8 * commits_s
 
 
-def test_an_hour_at_100_hz_takes_less_than_ten_times_one_at_10_hz(tmp_path):
+def test_an_hour_at_100_hz_takes_a_few_times_one_at_10_hz(tmp_path):
     shutil.copytree(ROOT / "config", tmp_path / "config")
     took_s = {}
     for period in ("100 ms", "10 ms"):
