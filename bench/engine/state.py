@@ -6,7 +6,7 @@ Reading the journal again gives the same state. The values that expressions see 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 from bench.sequence.language.expressions import Value
@@ -37,8 +37,10 @@ class Tared(NamedTuple):
     scatter: float
 
 
-@dataclass(frozen=True, slots=True)
-class RunState:
+NONE: Mapping[str, Any] = MappingProxyType({})
+
+
+class RunState(NamedTuple):  # a step changes it three times, and a frozen dataclass takes five times as long for it
     """State of a run: steps in progress and done, measured values, holds and problems.
 
     `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
@@ -49,17 +51,17 @@ class RunState:
 
     under_way: tuple[str, ...] = ()
     done: int = 0
-    variables: Mapping[str, Value] = field(default_factory=dict)
-    tares: Mapping[str, Tared] = field(default_factory=dict)
+    variables: Mapping[str, Value] = NONE
+    tares: Mapping[str, Tared] = NONE
     held: frozenset[str] = frozenset()
     left_out: tuple[str, ...] = ()
     limits_failed: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
-    dropped: Mapping[str, str] = field(default_factory=dict)
+    dropped: Mapping[str, str] = NONE
     problems: tuple[str, ...] = ()
     questions: tuple[str, ...] = ()
     mount: str | None = None
-    lost: Mapping[str, int] = field(default_factory=dict)
+    lost: Mapping[str, int] = NONE
 
 
 def replayed(entries: Iterable[Entry]) -> RunState:
@@ -76,35 +78,35 @@ def advanced(  # noqa: C901  one case for each kind
     """State after one more entry; kinds of entries without effect on it leave it unchanged."""
     match kind:
         case "step_begins":
-            return replace(state, under_way=(*state.under_way, step))
+            return state._replace(under_way=(*state.under_way, step))
         case "step_ended":
-            return _ended(replace(_without(state, step), done=state.done + 1), step, data)
+            return _ended(_without(state, step, done=state.done + 1), step, data)
         case "step_failed" | "step_cut" | "answered" | "unanswered":
             return _without(state, step)
         case "left_out":
-            return replace(state, left_out=(*state.left_out, step))
+            return state._replace(left_out=(*state.left_out, step))
         case "held":
-            return replace(state, held=state.held | {str(data["by"])})
+            return state._replace(held=state.held | {str(data["by"])})
         case "released":
-            return replace(state, held=state.held - {str(data["by"])})
+            return state._replace(held=state.held - {str(data["by"])})
         case "asked":
-            return replace(state, questions=(*state.questions, step))
+            return state._replace(questions=(*state.questions, step))
         case "unit_dropped":
-            return replace(state, dropped={**state.dropped, str(data["place"]): str(data["text"])})
+            return state._replace(dropped={**state.dropped, str(data["place"]): str(data["text"])})
         case "gaps":
-            return replace(state, lost=_more_lost(state.lost, data))
+            return state._replace(lost=_more_lost(state.lost, data))
         case "run_resumed":
-            return replace(state, under_way=(), held=frozenset(), questions=())
+            return state._replace(under_way=(), held=frozenset(), questions=())
         case "problem":
-            return replace(state, problems=(*state.problems, str(data["text"])))
+            return state._replace(problems=(*state.problems, str(data["text"])))
         case _:
             return state
 
 
-def _without(state: RunState, step: str) -> RunState:
+def _without(state: RunState, step: str, **changed: Any) -> RunState:
     under_way = tuple(other for other in state.under_way if other != step)
     questions = tuple(other for other in state.questions if other != step)
-    return replace(state, under_way=under_way, questions=questions)
+    return state._replace(under_way=under_way, questions=questions, **changed)
 
 
 def _more_lost(lost: Mapping[str, int], data: Mapping[str, Any]) -> Mapping[str, int]:
@@ -118,14 +120,14 @@ def _ended(state: RunState, step: str, data: Mapping[str, Any]) -> RunState:
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             unit = parse_unit(data["unit"])
             value = Quantity(float(value) * float(unit.factor), unit.dimension)
-        state = replace(state, variables={**state.variables, str(data["as"]): value})
+        state = state._replace(variables={**state.variables, str(data["as"]): value})
     if "mount" in data:
-        state = replace(state, mount=str(data["mount"]))
+        state = state._replace(mount=str(data["mount"]))
     if "tare" in data:
         tared = Tared(float(data["value"]), float(data.get("scatter", 0.0)))
-        state = replace(state, tares={**state.tares, str(data["tare"]): tared})
+        state = state._replace(tares={**state.tares, str(data["tare"]): tared})
     if data.get("verdict") == "FAIL":
-        return replace(state, limits_failed=(*state.limits_failed, step))
+        return state._replace(limits_failed=(*state.limits_failed, step))
     if data.get("verdict") == "INVALID":
-        return replace(state, undecided=(*state.undecided, step))
+        return state._replace(undecided=(*state.undecided, step))
     return state

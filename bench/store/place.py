@@ -25,16 +25,17 @@ class WatchedFiles:
     """
 
     def __init__(self, folder: Path, names: Iterable[str]) -> None:
-        self._path, self._inodes = folder, {name: _inode(folder / name) for name in names}
-        self._grows, self._size = folder / next(iter(self._inodes)), 0
+        self._path, self._files = folder, {name: folder / name for name in names}  # looked at in every commit
+        self._inodes = {name: _inode(path) for name, path in self._files.items()}
+        self._grows, self._size = next(iter(self._files.values())), 0
         self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
 
     def missing(self) -> Path | None:
         """Return the folder or file that is no longer at its path, or None if all are there."""
-        gone = [name for name, inode in self._inodes.items() if _inode(self._path / name) != inode]
+        gone = [path for name, path in self._files.items() if _inode(path) != self._inodes[name]]
         if not gone:
             return None
-        return self._path if len(gone) == len(self._inodes) else self._path / gone[0]
+        return self._path if len(gone) == len(self._inodes) else gone[0]
 
     def truncated(self) -> Path | None:
         """Return the first file if it has shrunk since the last call, else None."""

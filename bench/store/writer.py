@@ -34,6 +34,7 @@ GROUP_S = 1.0  # real time after which data are durable at the latest
 WAITING_LIMIT = 50_000  # rows that wait for the disk; more means that the disk is too slow
 SLOW_DISK_S = 30.0
 
+_ENCODER = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 ROWS_AT_ONCE = 100  # rows per statement: batches release the GIL less often
 Rows = Mapping[str, Sequence[Row]]
 """Rows of a transaction, by table."""
@@ -85,7 +86,7 @@ class RunWriter:
     def event(self, kind: str, step: str = "", **data: Any) -> None:
         """Append an entry to the journal at the present bench time; equal for equal runs."""
         at_s = asyncio.get_running_loop().time()
-        text = json.dumps(data, ensure_ascii=False, sort_keys=True, allow_nan=False)
+        text = _ENCODER.encode(data)
         self._put("journal", (at_s, kind, step, text))
 
     def frames(self, stream: str, step: str, block: FrameBlock) -> None:
@@ -241,8 +242,9 @@ class RunWriter:
         self._link = link
         if self._digest is None:
             return
-        for table in group.rows.keys() - {"block"}:
-            self._digest.rows(table, of_tables[table])
+        for table, of_table in of_tables.items():
+            if table != "block":
+                self._digest.rows(table, of_table)
         for block in group.blocks:
             self._digest.block(*block)
 
