@@ -86,7 +86,6 @@ profile: $(VENV)/.dev
 
 benchmark: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.can_decode
-	$(BIN)/python -m benchmarks.step_overhead
 	$(BIN)/python -m benchmarks.long_acquisition
 	$(BIN)/python -m benchmarks.night_reduction
 	$(BIN)/python -m benchmarks.check_many

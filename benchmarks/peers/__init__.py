@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).parent
+LIMIT_S = 3600.0  # a peer that has not ended by then hangs
 ENVIRONMENTS = HERE.parents[1] / "build" / "peers"
 
 
@@ -39,7 +40,7 @@ def version_of(name: str, package: str) -> str:
 def figures(name: str, script: str, *arguments: str | os.PathLike[str]) -> dict[str, Any]:
     """What `script` of this folder printed as its last line, run in the environment `name`."""
     command = [python_of(name), HERE / script, *arguments]
-    done = subprocess.run(command, text=True, capture_output=True)
+    done = subprocess.run(command, text=True, capture_output=True, timeout=LIMIT_S)
     if done.returncode != 0:
         raise RuntimeError(f"{script} ended with {done.returncode}:\n{done.stdout}\n{done.stderr}")
     result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])

@@ -1,0 +1,89 @@
+"""P1: a night of an inertial unit in virtual time, six channels at 100 Hz, every wire encoded and decoded."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from bench.store.reader import RunReader
+from benchmarks.compared import Row, Side, in_turn
+from benchmarks.night import night
+from benchmarks.peers import figures, version_of
+
+HOUR_S = 3600.0
+TIMES = 10
+AXES = 3  # each attitude is a move of each of them
+PEERS: dict[str, tuple[str, str, str, tuple[str, ...], float]] = {
+    # name: environment, script, durability, its further words, and the share of an hour in a slice
+    "openhtf": ("openhtf", "openhtf_night.py", "JSON at the end", (), 0.04),
+    "bluesky": ("bluesky", "bluesky_night.py", "JSON lines, not synced", ("buffered",), 0.004),
+    "bluesky, synced": ("bluesky", "bluesky_night.py", "each document synced", ("synced",), 0.004),
+}
+
+
+@dataclass(frozen=True)
+class Work:
+    """What an hour of the night has on average."""
+
+    moves: float  # of one axis
+    waits: float
+    readings: float  # of six channels
+
+    def words(self) -> tuple[str, ...]:
+        """The numbers, for a script of a peer."""
+        return (f"{self.moves}", f"{self.waits}", f"{self.readings}")
+
+
+def measure(whole: bool) -> Iterator[Row]:
+    """Seconds of an hour of the night, beside the same moves, waits and readings by peers with their sleeps faked."""
+    with tempfile.TemporaryDirectory() as name:
+        first = night(Path(name), whole)
+        work = work_of(first.path, first.bench_s / HOUR_S)
+
+        def ours() -> float:
+            again = night(Path(name), whole)
+            return again.wall_s / (again.bench_s / HOUR_S)
+
+        sides: dict[str, Callable[[], float]] = {"": ours}
+        longer = 25 if whole else 1
+        for each, (*_, share) in PEERS.items():
+            sides[each] = partial(peer_s, each, share * longer, work)
+        found = in_turn(sides)
+        growth = {each: peer_s(each, share * longer * 2, work) for each, (*_, share) in PEERS.items()}
+    peers = tuple(
+        Side(f"{title(each)}; twice as long: {growth[each]:.0f} s", PEERS[each][2], found[each]) for each in PEERS
+    )
+    what = f"an hour of a night of M2: {work.moves:.0f} moves, {work.waits:.0f} waits, {work.readings:,.0f} readings"
+    side = Side("this program", "each step synced, frames within 1 s", found[""])
+    row = Row("P1", f"{what} of six channels", "s", side, peers, "", f"≥ {TIMES} ×", False)
+    yield Row(**{**vars(row), "is_met": all(row.ratio(peer) >= TIMES for peer in peers)})
+
+
+def work_of(run: Path, hours: float) -> Work:
+    """Moves, waits and readings of an hour, counted in the record of the night."""
+    with RunReader(run) as record:
+        verbs = Counter(event.step.rpartition("/")[2].partition("#")[0] for event in record.events("step_begins"))
+        readings = sum(
+            int(np.unique(block.ids, return_counts=True)[1].max()) for _, step, block in record.blocks() if step
+        )
+    moves = AXES * verbs["orient"] + verbs["rotate"]
+    waits = verbs["orient"] + verbs["ramp"] + verbs["soak"] + verbs["wait"]
+    return Work(moves / hours, waits / hours, readings / hours)
+
+
+def peer_s(name: str, share: float, work: Work) -> float:
+    """Seconds of an hour by a peer, from a share of it."""
+    environment, script, _, further, _ = PEERS[name]
+    return float(figures(environment, script, f"{share}", *work.words(), *further)["s_per_hour"])
+
+
+def title(name: str) -> str:
+    """A peer with its version."""
+    package, _, how = name.partition(", ")
+    return f"{package} {version_of(PEERS[name][0], package)}{f', {how}' if how else ''}"

@@ -1,0 +1,46 @@
+"""A run on a simulated bench, with the time that its loop takes: without the start of the program and the report."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.app import execute as app
+from bench.app.request import RunRequest, prepare
+from bench.runner.quiet import Quiet
+
+CONFIG = Path(__file__).parents[1] / "config"
+
+
+@dataclass(frozen=True)
+class Timed:
+    """What a run took."""
+
+    wall_s: float
+    cpu_s: float  # of all threads of this process
+    bench_s: float
+    path: Path
+
+
+def timed_run(sequence: str | Path, bench: str | Path, runs: Path, settings: tuple[str, ...] = ()) -> Timed:
+    """Do a run in virtual time. Raises SystemExit with its problems if it does not complete."""
+    prepared = prepare(RunRequest(str(sequence), bench=str(bench), settings=settings, runs=runs, no_report=True))
+    plain, took = app.run_loop, []
+
+    def measured(*given: Any) -> Any:
+        wall_s, cpu_s = time.perf_counter(), time.process_time()
+        try:
+            return plain(*given)
+        finally:
+            took.extend((time.perf_counter() - wall_s, time.process_time() - cpu_s))
+
+    app.run_loop = measured
+    try:
+        result = app.execute(prepared, Quiet())
+    finally:
+        app.run_loop = plain
+    if result.outcome.how != "completed":
+        raise SystemExit("\n".join(result.problems))
+    return Timed(*took, result.bench_s, result.path)
