@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PACKAGES := bench drivers simulators
 
-.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage guardian-coverage night truth faults hostile trials reliability profile benchmark peers system-peers npm-peers docs bundle clean
+.PHONY: demo serve assets test setup lint types contracts pytest test-quick slow newest coverage guardian-coverage night truth faults hostile trials reliability profile benchmark benchmark-full peers system-peers npm-peers docs bundle clean
 
 demo: $(VENV)/.core
 	$(BIN)/bench run sequences/tumble_static.yaml --bench config/simulated.yaml --operator demo
@@ -84,13 +84,13 @@ truth faults hostile trials reliability: $(VENV)/.dev
 profile: $(VENV)/.dev
 	$(BIN)/python -m benchmarks.profile_run
 
+# This program beside its peers, which get environments of their own in build/peers: parts of nights, 20 minutes. Those of
+# queues need redis-server. benchmark-full: whole nights, hours; stopped, it goes on where it was.
 benchmark: $(VENV)/.dev
-	$(BIN)/python -m benchmarks.can_decode
-	$(BIN)/python -m benchmarks.long_acquisition
-	$(BIN)/python -m benchmarks.night_reduction
-	$(BIN)/python -m benchmarks.check_many
-	$(BIN)/python -m benchmarks.station_viewers
-	$(BIN)/python -m benchmarks.campaign_overhead
+	$(BIN)/python -m benchmarks
+
+benchmark-full: $(VENV)/.dev
+	$(BIN)/python -m benchmarks --whole
 
 # Programs that other people wrote, for the tests that let them talk to ours.
 peers: system-peers npm-peers $(VENV)/.docs

@@ -59,14 +59,25 @@ def machine() -> str:
 
 
 def into_readme() -> None:
-    """Replace the table between the marks of the README by the one of `results.json`."""
-    known = _known(None)
+    """Put the table of `results.json` into the README. Raises SystemExit if nothing was measured."""
+    if not (known := _known(None))["works"]:
+        raise SystemExit(f"{RESULTS} has no results: run `python -m benchmarks` first")
+    readme = ROOT / "README.md"
+    readme.write_text(with_table(readme.read_text("utf-8"), known), "utf-8")
+
+
+def with_table(text: str, known: dict[str, Any]) -> str:
+    """The text with the table of results between its marks. Raises SystemExit if a mark is missing."""
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise SystemExit(f"the README needs a line {BEGIN} and, below it, a line {END}")
     rows = sorted((each for work in known["works"].values() for each in work["rows"]), key=_place)
-    date = max(work["date"] for work in known["works"].values())
-    body = f"{BEGIN}\nMeasured on {date}: {known['machine']}.\n\n{table([_row(each) for each in rows])}\n{END}"
-    text = (ROOT / "README.md").read_text("utf-8")
-    before, _, rest = text.partition(BEGIN)
-    (ROOT / "README.md").write_text(before + body + rest.partition(END)[2], "utf-8")
+    dates = sorted(work["date"] for work in known["works"].values())
+    span = dates[0] if dates[0] == dates[-1] else f"{dates[0]} to {dates[-1]}"
+    part = "whole nights" if known["whole"] else "parts of nights"
+    head = f"Measured on {span}, {part}, version {known['version']}: {known['machine']}."
+    return f"{before}{BEGIN}\n{head}\n\n{table([_row(each) for each in rows])}\n{END}{after}"
 
 
 def _known(whole: bool | None) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A share of an hour of a night by OpenHTF with plugs that simulate, its sleeps faked; the record is JSON at the end.
 
-SHARE MOVES WAITS READINGS: as many moves of an axis, waits, and readings of six channels at 100 Hz as an hour has, times
+SHARE MOVES WAITS READINGS: the moves of an axis, waits, and readings of six channels at 100 Hz of an hour, times
 SHARE. Each move with what follows is a phase; its readings are one measurement with the dimensions time and channel.
 """
 
