@@ -6,9 +6,11 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from bench.app import execute as app
 from bench.app.request import RunRequest, prepare
+from bench.loop import run as run_loop
 from bench.runner.quiet import Quiet
 
 CONFIG = Path(__file__).parents[1] / "config"
@@ -27,20 +29,18 @@ class Timed:
 def timed_run(sequence: str | Path, bench: str | Path, runs: Path, settings: tuple[str, ...] = ()) -> Timed:
     """Do a run in virtual time. Raises SystemExit with its problems if it does not complete."""
     prepared = prepare(RunRequest(str(sequence), bench=str(bench), settings=settings, runs=runs, no_report=True))
-    plain, took = app.run_loop, []
+    took: list[float] = []
 
     def measured(*given: Any) -> Any:
         wall_s, cpu_s = time.perf_counter(), time.process_time()
         try:
-            return plain(*given)
+            return run_loop(*given)
         finally:
             took.extend((time.perf_counter() - wall_s, time.process_time() - cpu_s))
 
-    app.run_loop = measured
-    try:
+    with patch.object(app, "run_loop", measured):
         result = app.execute(prepared, Quiet())
-    finally:
-        app.run_loop = plain
     if result.outcome.how != "completed":
         raise SystemExit("\n".join(result.problems))
-    return Timed(*took, result.bench_s, result.path)
+    wall_s, cpu_s = took
+    return Timed(wall_s, cpu_s, result.bench_s, result.path)

@@ -25,7 +25,7 @@ def python_of(name: str) -> Path:
     if not mark.exists() or mark.read_text("utf-8") != wanted:
         print(f"making the environment of {name} in {folder}", file=sys.stderr, flush=True)
         venv.create(folder, clear=True, with_pip=True)
-        quiet = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+        quiet: list[str | Path] = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
         subprocess.run([*quiet, "-r", HERE / f"{name}.txt"], check=True)
         mark.write_text(wanted, "utf-8")
     return python

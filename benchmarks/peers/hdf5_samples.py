@@ -1,4 +1,4 @@
-"""Rows of counts to HDF5 with one writer and many readers (SWMR), flushed block by block, and back: ROWS, BLOCK, FILTER.
+"""Rows of counts to HDF5 with one writer, many readers (SWMR), flushed block by block, and back: ROWS, BLOCK, FILTER.
 
 ROWS is a file of NumPy with one row of integers for each latch; FILTER is `gzip` (level 1, shuffled) or `plain`. Each
 column is a dataset.

@@ -1,7 +1,7 @@
 """Mean rates of all windows of a night as a script with pandas finds them: ROWS, RESULT.
 
-ROWS is a file of NumPy with a row for each latch: window, tick, then both counters of each channel; they wrap at 2**BITS
-as the file RESULT.json says, which gets the rates. Times are from a Parquet file, and from a frame in memory.
+ROWS is a file of NumPy with a row for each latch: window, tick, then both counters of each channel. RESULT says at
+how many bits they wrap, and gets the rates. Times are from a Parquet file, and from a frame in memory.
 """
 
 import json

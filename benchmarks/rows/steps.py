@@ -26,13 +26,13 @@ steps:
 """
 OWN_CPU_US = 120
 DURABLE = "each step synced"
-PEERS = {
-    "bluesky, plain device": ("bluesky", "bluesky_steps.py", 2000, "plain"),
-    "bluesky, ophyd-async": ("bluesky", "bluesky_steps.py", 1000, "ophyd-async"),
-    "openhtf": ("openhtf", "openhtf_steps.py", 500),
-    "hardpy": ("hardpy", "hardpy_steps.py", 60),
-    "bluesky-queueserver": ("queueserver", "queueserver_steps.py", 5),
-    "dbos": ("dbos", "dbos_steps.py", 500),
+PEERS: dict[str, tuple[str, str, *tuple[str, ...]]] = {
+    "bluesky, plain device": ("bluesky", "bluesky_steps.py", "2000", "plain"),
+    "bluesky, ophyd-async": ("bluesky", "bluesky_steps.py", "1000", "ophyd-async"),
+    "openhtf": ("openhtf", "openhtf_steps.py", "500"),
+    "hardpy": ("hardpy", "hardpy_steps.py", "60"),
+    "bluesky-queueserver": ("queueserver", "queueserver_steps.py", "5"),
+    "dbos": ("dbos", "dbos_steps.py", "500"),
 }
 DURABILITY = {
     "bluesky, plain device": "JSON lines, not synced",
@@ -124,7 +124,7 @@ def commits(folder: Path, count: int) -> tuple[float, float]:
 def peer_steps_per_s(name: str) -> float:
     """One measurement of a peer. Raises RuntimeError if DBOS does not keep each step as the table says."""
     environment, script, *given = PEERS[name]
-    found: dict[str, Any] = figures(environment, script, *map(str, given))
+    found: dict[str, Any] = figures(environment, script, *given)
     if name == "dbos" and found["synchronous"] < 2:
         raise RuntimeError(f"DBOS does not sync each step: {found}")
     return float(found["steps_per_s"])
