@@ -14,7 +14,9 @@ import numpy as np
 from qcodes.dataset import Measurement, initialise_or_create_database_at, load_by_id, load_or_create_experiment
 
 logging.disable(logging.CRITICAL)
-rows, block = np.load(sys.argv[1]), int(sys.argv[2])
+block = int(sys.argv[2])
+rows = np.load(sys.argv[1])
+rows = rows[: len(rows) // block * block]  # of blocks of different lengths it makes arrays of objects
 columns = [np.ascontiguousarray(column) for column in rows.T]
 names = [f"column_{number}" for number in range(len(columns))]
 with tempfile.TemporaryDirectory() as folder:
