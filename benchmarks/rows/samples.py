@@ -1,7 +1,7 @@
 """P4: 10⁷ samples to the disk and back to NumPy, and how many bytes each takes.
 
 A sample is what one of six channels of an inertial unit has counted, from both of its counters. The frames are those of
-a simulated night; the peers are given what was decoded of them: the ticks, and both counters of all channels.
+a simulated night; the peers are given what was decoded of them: times of arrival, sequence numbers, ticks, and both counters of all channels.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from bench.store import database
 from bench.store.decoder import Decoder, decoders_of
 from bench.store.reader import Frames, RunReader
 from bench.store.writer import RunWriter
-from benchmarks.compared import ROUNDS, Row, Side, in_turn
+from benchmarks.compared import Row, Side, in_turn
 from benchmarks.night import night
 from benchmarks.peers import figures, version_of
 from drivers.can.frame_block import FrameBlock
 
 SAMPLES = 10_000_000
 CHANNELS = 6
+NS = 1e9
 STREAM = "counter"
 MOST_BYTES = 3.0
 BLOCK = 1000  # rows: 10 s, at the end of which peers that can keep blocks write one
@@ -61,9 +62,9 @@ class Peer(NamedTuple):
 PEERS = (
     Peer("hdf5", "h5py", "SWMR", "flushed, not synced", SAMPLES, (str(BLOCK), "plain")),
     Peer("hdf5", "h5py", "SWMR, gzip 1 and shuffle", "flushed, not synced", SAMPLES, (str(BLOCK), "gzip")),
-    Peer("qcodes", "qcodes", "arrays of 10 s", "SQLite, as it ships", SAMPLES // 20, (str(BLOCK),)),
-    Peer("pymeasure", "pymeasure", "CSV", "not synced", SAMPLES // 20),
-    Peer("tiled", "tiled", "events of Bluesky", "at the end of the run", 6000),
+    Peer("qcodes", "qcodes", "arrays of 10 s", "SQLite, as it ships", SAMPLES // 40, (str(BLOCK),)),
+    Peer("pymeasure", "pymeasure", "CSV", "not synced", SAMPLES // 40),
+    Peer("tiled", "tiled", "events of Bluesky", "at the end of the run", 3000),
 )
 
 
@@ -86,14 +87,14 @@ def measure(whole: bool) -> Iterator[Row]:
             path = folder / f"rows_{count}.npy"
             np.save(path, rows[: min(count, SAMPLES) // CHANNELS])
             sides[title(peer)] = partial(once, title(peer), partial(theirs, peer, path))
-        in_turn(sides, ROUNDS)
+        in_turn(sides)
         raw_s = raw_write_s(folder / "raw", rows)
-        twice = {title(peer): twice_s(peer, folder / "twice.npy", rows) for peer in PEERS if peer.samples < SAMPLES}
+        twice = {title(peer): twice_as_many(peer, folder, rows) for peer in PEERS if peer.samples < SAMPLES}
     yield from table_rows(spent, raw_s, twice)
 
 
 def frames_and_rows(run: Path) -> tuple[list[tuple[str, FrameBlock]], NDArray[np.int64]]:
-    """The blocks of the first 10⁷ samples of a night, and their rows: tick, and both counters of each channel."""
+    """The blocks of the first 10⁷ samples of a night, and a row for each latch: time, sequence, tick, all counters."""
     blocks, rows, found = [], [], 0
     with RunReader(run) as record:
         decoder = decoders_of(load_kept_bench(run / BENCH_COPY).devices, run)[STREAM]
@@ -101,7 +102,9 @@ def frames_and_rows(run: Path) -> tuple[list[tuple[str, FrameBlock]], NDArray[np
             if not step or found >= SAMPLES // CHANNELS:
                 continue
             counts = [each for each in decoder.outputs(block).values() if isinstance(each, Counts)]
-            columns = [counts[0].tick, *(each.positive for each in counts), *(each.negative for each in counts)]
+            came_ns = np.rint(counts[0].host_s * NS).astype(np.int64)
+            latch = (came_ns, counts[0].sequence, counts[0].tick)
+            columns = [*latch, *(each.positive for each in counts), *(each.negative for each in counts)]
             rows.append(np.stack(columns, axis=1))
             blocks.append((stream, block))
             found += len(rows[-1])
@@ -155,11 +158,11 @@ def theirs(peer: Peer, rows: Path) -> Spent:
     return Spent(found["write_s"] / share, found["read_s"] / share, found["bytes"] / samples)
 
 
-def twice_s(peer: Peer, path: Path, rows: NDArray[np.int64]) -> str:
-    """What twice as many rows take a peer that was given a part: whether its time grows as its work does."""
+def twice_as_many(peer: Peer, folder: Path, rows: NDArray[np.int64]) -> Spent:
+    """A peer that is given a part, with two of them: whether its time grows as its work does."""
+    path = folder / "twice.npy"
     np.save(path, rows[: 2 * peer.samples // CHANNELS])
-    found = theirs(peer, path)
-    return f"from a part of {peer.samples:,}; from two: {found.write_s:.1f} s and {found.read_s:.1f} s"
+    return theirs(peer, path)
 
 
 def raw_write_s(path: Path, rows: NDArray[np.int64]) -> float:
@@ -173,16 +176,17 @@ def raw_write_s(path: Path, rows: NDArray[np.int64]) -> float:
     return (time.perf_counter() - began_s) / len(rows) / CHANNELS * SAMPLES
 
 
-def table_rows(spent: Mapping[str, Sequence[Spent]], raw_s: float, twice: Mapping[str, str]) -> Iterator[Row]:
+def table_rows(spent: Mapping[str, Sequence[Spent]], raw_s: float, twice: Mapping[str, Spent]) -> Iterator[Row]:
     """A row for each of the three figures."""
-    durability = {title(peer): "; ".join(filter(None, (peer.durability, twice.get(title(peer))))) for peer in PEERS}
-    limits = (f"as they are, in one piece: {raw_s:.2f} s", "", "")
+    durability = {title(each): each.durability for each in PEERS}
+    limits = (f"as 4 bytes a number, in one piece: {raw_s:.2f} s", "", "")
     whats = ("10⁷ samples to the disk", "10⁷ samples back to NumPy", "a sample on the disk")
     for at, (what, limit) in enumerate(zip(whats, limits, strict=True)):
-        sides = [
-            Side(name or "this program", durability.get(name, "each block synced"), tuple(each[at] for each in found))
-            for name, found in spent.items()
-        ]
+        sides = []
+        for name, found in spent.items():
+            kept = durability.get(name, "each block synced")
+            part = f"; a part; from two: {twice[name][at]:,.1f}" if name in twice else ""
+            sides.append(Side(name or "this program", kept + part, tuple(each[at] for each in found)))
         goal = f"least, ≤ {MOST_BYTES:.0f} B" if at == 2 else "faster than each"
         row = Row("P4", what, "B" if at == 2 else "s", sides[0], tuple(sides[1:]), limit, goal, False)
         is_least = all(row.ratio(peer) > 1 for peer in row.peers)
