@@ -1,7 +1,8 @@
 """P4: 10⁷ samples to the disk and back to NumPy, and how many bytes each takes.
 
 A sample is what one of six channels of an inertial unit has counted, from both of its counters. The frames are those of
-a simulated night; the peers are given what was decoded of them: times of arrival, sequence numbers, ticks, and both counters of all channels.
+a simulated night; the peers are given what was decoded of them: times of arrival, sequence numbers, ticks, and both
+counters of all channels.
 """
 
 from __future__ import annotations
