@@ -57,7 +57,7 @@ def measure(whole: bool) -> Iterator[Row]:
         found = in_turn(sides)
         growth = {each: peer_s(each, share * longer * 2, work) for each, (*_, share) in PEERS.items()}
     peers = tuple(
-        Side(f"{title(each)}; twice as long: {growth[each]:.0f} s", PEERS[each][2], found[each]) for each in PEERS
+        Side(title(each), f"{PEERS[each][2]}; a part; from two: {growth[each]:,.0f}", found[each]) for each in PEERS
     )
     what = f"an hour of a night of M2: {work.moves:.0f} moves, {work.waits:.0f} waits, {work.readings:,.0f} readings"
     side = Side("this program", "each step synced, frames within 1 s", found[""])
