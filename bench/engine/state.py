@@ -40,7 +40,7 @@ class Tared(NamedTuple):
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 
-class RunState(NamedTuple):  # a step changes it three times, and a frozen dataclass takes five times as long for it
+class RunState(NamedTuple):  # each step changes it twice, which takes a frozen dataclass several times as long
     """State of a run: steps in progress and done, measured values, holds and problems.
 
     `held` are the reasons why no step begins. `left_out` are steps that were skipped, or failed and were passed over.
