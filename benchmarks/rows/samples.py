@@ -63,7 +63,7 @@ class Peer(NamedTuple):
 PEERS = (
     Peer("hdf5", "h5py", "SWMR", "flushed, not synced", SAMPLES, (str(BLOCK), "plain")),
     Peer("hdf5", "h5py", "SWMR, gzip 1 and shuffle", "flushed, not synced", SAMPLES, (str(BLOCK), "gzip")),
-    Peer("qcodes", "qcodes", "arrays of 10 s", "SQLite, as it ships", SAMPLES // 40, (str(BLOCK),)),
+    Peer("qcodes", "qcodes", "arrays of 10 s", "SQLite, each block synced", SAMPLES // 40, (str(BLOCK),)),
     Peer("pymeasure", "pymeasure", "CSV", "not synced", SAMPLES // 40),
     Peer("tiled", "tiled", "events of Bluesky", "at the end of the run", 3000),
 )
