@@ -446,6 +446,14 @@ def test_a_counter_that_falls_silent() -> None:
     fails_with("silent", NoAnswer, r"counter: counter frames have stopped: none for more than 2.5 s\. Check")
 
 
+def test_fast_latches_that_are_held_back_for_a_moment_have_not_stopped() -> None:
+    async def use(bench: Bench) -> None:
+        async with bench.driver(period="1 ms") as driver:  # they come every 100 ms, as if an adapter collected them
+            assert len(latch_times_s(await acquired(driver, 2.05))) == 20
+
+    with_bench(use)
+
+
 def test_a_counter_that_stands_still() -> None:
     fails_with("frozen", InstrumentFault, r"counter: the counter is frozen: its latches .* number \d+\. Restart")
 

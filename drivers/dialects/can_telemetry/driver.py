@@ -19,10 +19,10 @@ from drivers.errors import InstrumentFault, NoAnswer
 from drivers.kinds.frame_source.intake import (
     FROZEN_FRAMES,
     MAX_LISTED,
-    SILENT_PERIODS,
     FrameDriver,
     bound_format,
     describe_frames,
+    silence_s,
 )
 from drivers.timing.awake import awake_s
 from drivers.values import LastSeen
@@ -84,7 +84,7 @@ class CanTelemetry(FrameDriver[TelemetryOptions]):
         since_s = self._intake.acquiring_since_s
         if since_s is None:
             return
-        silent_s = SILENT_PERIODS * max(sample.period for sample in self._options.channels.values())
+        silent_s = silence_s(max(sample.period for sample in self._options.channels.values()))
         last_s = max(since_s, *(seen.frame_s for seen in self._last_seen.values()))
         if awake_s(last_s) <= silent_s:
             return

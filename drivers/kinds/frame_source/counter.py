@@ -14,7 +14,7 @@ from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.can.sequence_numbers import Integers
 from drivers.description import Nothing, OptionsT, Setup
 from drivers.errors import InstrumentFault, NoAnswer
-from drivers.kinds.frame_source.intake import FROZEN_FRAMES, SILENT_PERIODS, FrameDriver, describe_frames
+from drivers.kinds.frame_source.intake import FROZEN_FRAMES, FrameDriver, describe_frames, silence_s
 from drivers.timing.awake import awake_s
 from drivers.transport.frame_link import FrameLink
 from drivers.values import LastSeen
@@ -93,7 +93,7 @@ class FreeCounter(FrameDriver[OptionsT]):
         if len(sequence):
             self._last_latch_s = float(at_s[-1])
             self._last_numbers = [*self._last_numbers, *sequence[-FROZEN_FRAMES:].tolist()][-FROZEN_FRAMES:]
-        silent_s = SILENT_PERIODS * self._period_s
+        silent_s = silence_s(self._period_s)
         if awake_s(self._last_latch_s) > silent_s:
             raise NoAnswer(
                 self.name, f"counter frames have stopped: none for more than {silent_s:g} s",

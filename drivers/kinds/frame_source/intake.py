@@ -23,6 +23,7 @@ from drivers.transport.frame_link import FrameLink
 from drivers.values import Identity, LastSeen, Reading
 
 SILENT_PERIODS = 25
+LEAST_SILENCE_S = 0.25  # adapters, networks and a busy computer hold frames back for part of this
 FROZEN_FRAMES = 3  # so many frames with one sequence number mean that the sender is frozen
 ERROR_REPORT_INTERVAL_S = 60.0
 MAX_LISTED = 8  # listed when other frames than the expected ones arrive
@@ -295,6 +296,11 @@ class FrameDriver(ABC, Generic[OptionsT]):
     def _store_readings(self, fields: Mapping[str, Field], block: FrameBlock) -> None:
         for name, (at_s, values) in readings_of(fields, block).items():
             self._readings.setdefault(name, []).extend(map(Reading, at_s.tolist(), values.tolist()))
+
+
+def silence_s(period_s: float) -> float:
+    """Time without a frame, in s, after which a device that sends one every `period_s` has stopped."""
+    return max(SILENT_PERIODS * period_s, LEAST_SILENCE_S)
 
 
 def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[FormatT, str]:
