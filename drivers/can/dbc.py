@@ -130,11 +130,12 @@ class Dbc:
 
 def dbc_in(path: Path) -> Dbc:
     """Parse a DBC file; raises UnfitFileError if it cannot be read, DbcError if it is not a valid DBC."""
-    return _parsed(text_of(path))
+    return dbc_of(text_of(path))
 
 
 @lru_cache(maxsize=8)  # cache for the few nodes of a bench, needed for each label of a run
-def _parsed(text: str) -> Dbc:
+def dbc_of(text: str) -> Dbc:
+    """Parse the text of a DBC, once; raises DbcError."""
     return Dbc(text)
 
 

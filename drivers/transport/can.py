@@ -18,7 +18,7 @@ from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, InstrumentFault, LinkLost, NoAnswer
 from drivers.schema.bounded import expect_bounded
 from drivers.timing.awake import fair_timeout
-from drivers.transport import slcan
+from drivers.transport import candump, slcan
 from drivers.transport.address import Address
 from drivers.transport.frame_link import DURABLE_BLOCK_S, FrameLink
 from drivers.transport.serial import open_serial
@@ -109,6 +109,9 @@ def read_log(device: str, path: Path) -> FrameBlock:
     """
     try:
         expect_bounded(path, LOG_LIMIT_BYTES)
+        block = candump.read(path) if path.suffix == ".log" else None
+        if block is not None and len(block):
+            return block
         with can.LogReader(path) as reader:
             kept = [(message.timestamp, *frame) for message in reader if (frame := frame_of(message)) is not None]
     except Exception as problem:  # the readers raise errors of many kinds

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.transport.alike import NIBBLES, Arrivals, bytes_of
 
 BITRATES = {
     10_000: b"S0", 20_000: b"S1", 50_000: b"S2", 100_000: b"S3", 125_000: b"S4", 250_000: b"S5", 500_000: b"S6",
@@ -18,19 +19,15 @@ END = b"\r"
 REFUSED = b"\a"
 CLOSE, OPEN = b"C", b"O"
 
-_NIBBLES = np.full(256, 255, np.uint8)
-for _index, _digit in enumerate(b"0123456789ABCDEF"):
-    _NIBBLES[_digit] = _index
-for _index, _digit in enumerate(b"abcdef", start=10):
-    _NIBBLES[_digit] = _index
 _DIGITS = np.frombuffer(b"0123456789ABCDEF", np.uint8)
 _IDENTIFIERS = {ord("t"): (3, 8), ord("T"): (8, 2)}  # number of digits, and limit of the first one: 11 and 29 bits
 
 
-def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
+def parse(data: bytes, arrivals: Arrivals) -> tuple[FrameBlock, bytes, int]:
     """Parse the frames in `data`; also return the rest of an incomplete line, and the number of invalid lines.
 
-    All frames get the arrival time `at_s`. Acknowledgements (BEL, empty lines, `z`, `Z`) are neither frames nor errors.
+    A frame has the time of arrival of its end. Acknowledgements (BEL, empty lines, `z`, `Z`) are neither frames nor
+    errors.
     """
     data = data.replace(REFUSED, END)
     cut = data.rfind(END) + 1
@@ -41,16 +38,16 @@ def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
     lengths = ends - starts
     order: list[NDArray[np.intp]] = []
     blocks: list[FrameBlock] = []
-    for length in np.unique(lengths):
+    for length in np.flatnonzero(np.bincount(lengths)):
         rows = np.flatnonzero(lengths == length)
         lines = characters[starts[rows, None] + np.arange(length)]
         for kind in _IDENTIFIERS:
-            good, block = _frames(lines, kind, at_s)
+            good, block = _frames(lines, kind, arrivals.of_bytes(ends[rows]))
             order.append(rows[good])
             blocks.append(block)
     position = np.concatenate(order) if order else np.empty(0, np.intp)
     heads = characters[starts[lengths > 0]]
-    spoken = np.count_nonzero(lengths > 0) - np.count_nonzero(np.isin(heads, [ord("z"), ord("Z")]))
+    spoken = np.count_nonzero(lengths > 0) - np.count_nonzero((heads == ord("z")) | (heads == ord("Z")))
     found, order_of_lines = FrameBlock.joined(blocks), np.argsort(position, kind="stable")
     return found.at(order_of_lines), rest, int(spoken - len(position))
 
@@ -64,25 +61,23 @@ def answer(data: bytes) -> tuple[bool | None, bytes]:
     return (False if REFUSED in data else True if b"" in lines else None), rest
 
 
-def _frames(lines: NDArray[np.uint8], kind: int, at_s: float) -> tuple[NDArray[np.bool_], FrameBlock]:
+def _frames(lines: NDArray[np.uint8], kind: int, at_s: NDArray[np.float64]) -> tuple[NDArray[np.bool_], FrameBlock]:
     """Select the frames of one kind from equally long lines; return their mask and the frames."""
     id_digits, first_below = _IDENTIFIERS[kind]
     digits = lines.shape[1] - 2 - id_digits
     if digits < 0 or digits > 16 or digits % 2:
         return np.zeros(len(lines), dtype=bool), FrameBlock.empty()
-    nibbles = _NIBBLES[lines[:, 1:]]
+    nibbles = NIBBLES[lines[:, 1:]]
     good = (lines[:, 0] == kind) & (nibbles < 16).all(axis=1)
     good &= (nibbles[:, 0] < first_below) & (nibbles[:, id_digits] == digits // 2)
     nibbles = nibbles[good]
     weights = 16 ** np.arange(id_digits - 1, -1, -1, dtype=np.uint32)
-    payload = nibbles[:, id_digits + 1 :]
-    frame_bytes = np.zeros((len(nibbles), 8), np.uint8)
-    frame_bytes[:, : digits // 2] = payload[:, 0::2] << 4 | payload[:, 1::2]
+    data = bytes_of(nibbles[:, id_digits + 1 :])
     ids = (nibbles[:, :id_digits].astype(np.uint32) * weights).sum(axis=1, dtype=np.uint32)
     if kind == ord("T"):
         ids |= np.uint32(EXTENDED)
     count = len(nibbles)
-    return good, FrameBlock(ids, np.full(count, at_s), np.full(count, digits // 2, np.uint8), frame_bytes)
+    return good, FrameBlock(ids, at_s[good], np.full(count, digits // 2, np.uint8), data)
 
 
 def render(block: FrameBlock) -> bytes:

@@ -11,10 +11,13 @@ import asyncio
 import re
 from collections.abc import Awaitable, Callable
 
+import numpy as np
+
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
 from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
+from drivers.transport.alike import Arrivals, alike, bytes_of, in_order, number_of
 from drivers.transport.exchange import printable
 from drivers.transport.text_frames import TextFrames
 
@@ -24,8 +27,13 @@ TEXT_LIMIT_BYTES = 4096  # limit for a text without an end
 
 _TEXT = re.compile(rb"<[^<>]*>")
 _FRAME = re.compile(rb"< frame ([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) \d+\.\d+ +((?:[0-9A-Fa-f]{2} ?){0,8})>")
+_FRAMES = re.compile(  # as servers send them
+    rb"< frame (?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8}) (?P<seconds>\d+)\.(?P<fraction>\d+) +"
+    rb"(?P<data>(?:[0-9A-Fa-f]{2}){0,8}) ?>"
+)
 _ERROR = re.compile(rb"< error ([0-9A-Fa-f]{1,8}) \d+\.\d+ [^<>]*>")
 _OTHERS = (b"< rtr ", b"< stat ", b"< echo >", b"< fdframe ", OK)  # neither frames nor errors
+_OPEN, _CLOSE = b"<>"
 _BITS_29 = EXTENDED // 4 - 1
 
 
@@ -34,24 +42,42 @@ def open_text(bus: str) -> bytes:
     return b"< open %s >" % bus.encode("ascii")
 
 
-def parse(data: bytes, at_s: float) -> tuple[FrameBlock, bytes, int]:
+def parse(data: bytes, arrivals: Arrivals) -> tuple[FrameBlock, bytes, int]:
     """Parse the frames in `data`; also return the rest of an incomplete text, and the number of unknown texts.
 
-    All frames get the arrival time `at_s`. Error frames have no data.
+    A frame has the time of arrival of its end. Error frames have no data.
     """
-    frames, junk, end = list[tuple[float, int, bytes]](), 0, 0
-    for text in _TEXT.finditer(data):
-        end = text.end()
-        if frame := _FRAME.fullmatch(text[0]):
-            number = int(frame[1], 16)
-            frame_id = number if len(frame[1]) == 3 else number & _BITS_29 | EXTENDED
-            frames.append((at_s, frame_id, bytes.fromhex(frame[2].decode("ascii"))))
-        elif error := _ERROR.fullmatch(text[0]):
-            frames.append((at_s, ERROR | int(error[1], 16) & (ERROR - 1), b""))
-        else:
-            junk += not text[0].startswith(_OTHERS)
-    rest = data[end:]
-    return FrameBlock.of(frames), rest if len(rest) <= TEXT_LIMIT_BYTES else b"", junk
+    characters = np.frombuffer(data, np.uint8)
+    brackets = np.flatnonzero((characters == _OPEN) | (characters == _CLOSE))
+    opens = characters[brackets] == _OPEN
+    pairs = np.flatnonzero(opens[:-1] & ~opens[1:])
+    begins, ends = brackets[pairs], brackets[pairs + 1] + 1
+    at_s, parts, left = arrivals.of_bytes(ends - 1), [], np.ones(len(pairs), dtype=bool)
+    for rows, digits in alike(characters, begins, ends, _FRAMES):
+        left[rows] = False
+        ids = number_of(digits["id"], 16).astype(np.uint32)
+        if digits["id"].shape[1] == 8:
+            ids = ids & np.uint32(_BITS_29) | np.uint32(EXTENDED)
+        dlc = np.full(len(rows), digits["data"].shape[1] // 2, np.uint8)
+        parts.append((rows, FrameBlock(ids, at_s[rows], dlc, bytes_of(digits["data"]))))
+    others = np.flatnonzero(left)
+    frames = [_frame(data[begins[row] : ends[row]], float(at_s[row])) for row in others.tolist()]
+    known = [row for row, frame in zip(others.tolist(), frames, strict=True) if isinstance(frame, tuple)]
+    if known:
+        parts.append((np.array(known), FrameBlock.of([frame for frame in frames if isinstance(frame, tuple)])))
+    rest = data[ends[-1] :] if len(ends) else data
+    return in_order(parts), rest if len(rest) <= TEXT_LIMIT_BYTES else b"", frames.count(False)
+
+
+def _frame(text: bytes, at_s: float) -> tuple[float, int, bytes] | bool:
+    """Time, identifier and data of a frame; else whether the text is a known one."""
+    if frame := _FRAME.fullmatch(text):
+        number = int(frame[1], 16)
+        frame_id = number if len(frame[1]) == 3 else number & _BITS_29 | EXTENDED
+        return at_s, frame_id, bytes.fromhex(frame[2].decode("ascii"))
+    if error := _ERROR.fullmatch(text):
+        return at_s, ERROR | int(error[1], 16) & (ERROR - 1), b""
+    return text.startswith(_OTHERS)
 
 
 def render(block: FrameBlock, since_s: float = 0.0) -> bytes:

@@ -7,11 +7,12 @@ from collections.abc import Callable
 
 from drivers.can.frame_block import FrameBlock
 from drivers.errors import LinkLost
+from drivers.transport.alike import Arrivals
 from drivers.transport.frame_link import DURABLE_BLOCK_S
 from drivers.transport.stream_end import StreamEnd
 
-Parse = Callable[[bytes, float], tuple[FrameBlock, bytes, int]]
-"""Parses bytes received at a time: frames, rest of an incomplete one, and number of invalid ones."""
+Parse = Callable[[bytes, Arrivals], tuple[FrameBlock, bytes, int]]
+"""Parses bytes with their times of arrival: frames, rest of an incomplete one, and number of invalid ones."""
 
 
 class TextFrames(StreamEnd):
@@ -39,13 +40,13 @@ class TextFrames(StreamEnd):
     def take(self) -> FrameBlock:
         """Frames since the last call; LinkLost if there is none and the connection is lost."""
         chunks, self._chunks = self._chunks, []
-        blocks = []
-        for at_s, data in chunks:
-            block, self._rest, _ = self._parse(self._rest + data, at_s)
-            blocks.append(block)
-        if self.lost and not blocks:
-            raise LinkLost(self._device, self.lost, remedy="Check the adapter's cable, then run again.")
-        return FrameBlock.joined(blocks)
+        if not chunks:
+            if self.lost:
+                raise LinkLost(self._device, self.lost, remedy="Check the adapter's cable, then run again.")
+            return FrameBlock.empty()
+        data = b"".join([self._rest, *(chunk for _, chunk in chunks)])
+        block, self._rest, _ = self._parse(data, Arrivals.of(chunks, len(self._rest)))
+        return block
 
     def close(self) -> None:
         """Close the connection; closing twice is harmless."""

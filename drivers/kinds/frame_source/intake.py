@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Generic, Self, TypeVar
 
 from drivers.can.bus_errors import BUS_OFF, RESTARTED, class_names, error_classes
-from drivers.can.dbc import Dbc, DbcError, Field, readings_of
+from drivers.can.dbc import Dbc, DbcError, Field, dbc_of, readings_of
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S, text_of
 from drivers.description import Nothing, OptionsT, Setup, check_identity
@@ -307,7 +307,7 @@ def bound_format(name: str, dbc: Path, bind: Callable[[Dbc], FormatT]) -> tuple[
     """Result of `bind` for a DBC, and a fingerprint of its text; BadAnswer if it contradicts the bench file."""
     text = text_of(dbc)
     try:
-        form = bind(Dbc(text))
+        form = bind(dbc_of(text))
     except DbcError as problem:
         raise BadAnswer(name, f"{dbc.name}: {problem}", remedy="Correct the bench file.") from problem
     return form, f"dbc sha256:{hashlib.sha256(text.encode()).hexdigest()[:16]}"

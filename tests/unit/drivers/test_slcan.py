@@ -11,6 +11,7 @@ from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
 from drivers.transport import slcan
 from drivers.transport.address import Address
+from drivers.transport.alike import Arrivals
 from drivers.transport.can import Slcan, open_slcan
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.memory import Line, join
@@ -43,7 +44,7 @@ FRAMES = [
 
 
 def test_lines_are_frames() -> None:
-    block, rest, junk = slcan.parse(LINES, 12.5)
+    block, rest, junk = slcan.parse(LINES, Arrivals.at_once(12.5))
     assert rows(block) == FRAMES
     assert (rest, junk) == (b"", 0)
     assert block.at_s.tolist() == [12.5] * 4
@@ -52,8 +53,8 @@ def test_lines_are_frames() -> None:
 
 @pytest.mark.parametrize("cut", range(len(LINES) + 1))
 def test_lines_may_be_cut_at_every_byte(cut: int) -> None:
-    first, rest, junk = slcan.parse(LINES[:cut], 0.0)
-    second, end, more_junk = slcan.parse(rest + LINES[cut:], 1.0)
+    first, rest, junk = slcan.parse(LINES[:cut], Arrivals.at_once(0.0))
+    second, end, more_junk = slcan.parse(rest + LINES[cut:], Arrivals.at_once(1.0))
     assert rows(first) + rows(second) == FRAMES
     assert (end, junk, more_junk) == (b"", 0, 0)
     assert len(first) == LINES[:cut].count(b"\r")
@@ -62,7 +63,7 @@ def test_lines_may_be_cut_at_every_byte(cut: int) -> None:
 def test_a_byte_at_a_time() -> None:
     rest, found = b"", []
     for byte in LINES:
-        block, rest, junk = slcan.parse(rest + bytes([byte]), 0.0)
+        block, rest, junk = slcan.parse(rest + bytes([byte]), Arrivals.at_once(0.0))
         found += rows(block)
         assert junk == 0
     assert found == FRAMES
@@ -77,26 +78,26 @@ def test_a_byte_at_a_time() -> None:
     ],
 )  # fmt: skip
 def test_a_line_that_is_no_frame_is_counted_and_harms_no_other(line: bytes) -> None:
-    block, rest, junk = slcan.parse(LINES + line + b"\r" + LINES, 0.0)
+    block, rest, junk = slcan.parse(LINES + line + b"\r" + LINES, Arrivals.at_once(0.0))
     assert rows(block) == FRAMES * 2
     assert (rest, junk) == (b"", 1)
 
 
 def test_acknowledgements_are_neither_frames_nor_errors() -> None:
-    block, rest, junk = slcan.parse(b"\r\r\az\rZ\r\a" + LINES + b"z\r\a\a\r", 0.0)
+    block, rest, junk = slcan.parse(b"\r\r\az\rZ\r\a" + LINES + b"z\r\a\a\r", Arrivals.at_once(0.0))
     assert rows(block) == FRAMES
     assert (rest, junk) == (b"", 0)
 
 
 def test_nothing_is_nothing() -> None:
     for data in (b"", b"t10"):
-        block, rest, junk = slcan.parse(data, 0.0)
+        block, rest, junk = slcan.parse(data, Arrivals.at_once(0.0))
         assert (len(block), rest, junk) == (0, data, 0)
 
 
 @given(st.binary(max_size=200))
 def test_no_bytes_whatever_are_an_error(data: bytes) -> None:
-    block, rest, junk = slcan.parse(data, 0.0)
+    block, rest, junk = slcan.parse(data, Arrivals.at_once(0.0))
     assert len(block) + junk <= data.count(b"\r") + data.count(b"\a")
     assert b"\r" not in rest
     assert rest == b"" or (data.endswith(rest))
@@ -117,7 +118,7 @@ def test_what_an_adapter_renders_is_read_back_in_order(frames: list[tuple[int, b
     text = slcan.render(block)
     found, rest, begin = [], b"", 0
     for cut in [*sorted(cuts), len(text)]:
-        part, rest, junk = slcan.parse(rest + text[begin:cut], 0.0)
+        part, rest, junk = slcan.parse(rest + text[begin:cut], Arrivals.at_once(0.0))
         found += rows(part)
         begin = max(begin, cut)
         assert junk == 0

@@ -12,6 +12,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
 from drivers.transport.address import Address
+from drivers.transport.alike import Arrivals
 from drivers.transport.memory import Line, join
 from drivers.transport.socketcand import Socketcand, open_socketcand, parse, render
 from simulators.faults.instrument_faults import FaultPlan
@@ -51,7 +52,7 @@ def rows(block: FrameBlock) -> list[tuple[int, int, str]]:
 
 
 def test_texts_are_frames() -> None:
-    block, rest, junk = parse(TEXTS, 12.5)
+    block, rest, junk = parse(TEXTS, Arrivals.at_once(12.5))
     assert rows(block) == FRAMES
     assert (rest, junk) == (b"", 0)
     assert block.at_s.tolist() == [12.5] * 6
@@ -59,8 +60,8 @@ def test_texts_are_frames() -> None:
 
 @pytest.mark.parametrize("cut", range(len(TEXTS) + 1))
 def test_texts_may_be_cut_at_every_byte(cut: int) -> None:
-    first, rest, junk = parse(TEXTS[:cut], 0.0)
-    second, end, more_junk = parse(rest + TEXTS[cut:], 1.0)
+    first, rest, junk = parse(TEXTS[:cut], Arrivals.at_once(0.0))
+    second, end, more_junk = parse(rest + TEXTS[cut:], Arrivals.at_once(1.0))
     assert rows(first) + rows(second) == FRAMES
     assert (end, junk, more_junk) == (b"", 0, 0)
 
@@ -73,19 +74,40 @@ def test_texts_may_be_cut_at_every_byte(cut: int) -> None:
     ],
 )  # fmt: skip
 def test_a_text_that_is_no_frame_is_counted_and_harms_no_other(text: bytes) -> None:
-    block, rest, junk = parse(TEXTS + text + TEXTS, 0.0)
+    block, rest, junk = parse(TEXTS + text + TEXTS, Arrivals.at_once(0.0))
     assert rows(block) == FRAMES * 2
     assert (rest, junk) == (b"", 1)
 
 
 def test_texts_of_other_kinds_are_neither_frames_nor_errors() -> None:
-    block, rest, junk = parse(b"< ok >< rtr 123 23.424242 4 >< echo >< stat 1 2 3 4 >" + TEXTS, 0.0)
+    block, rest, junk = parse(b"< ok >< rtr 123 23.424242 4 >< echo >< stat 1 2 3 4 >" + TEXTS, Arrivals.at_once(0.0))
     assert rows(block) == FRAMES
     assert (rest, junk) == (b"", 0)
 
 
+def test_texts_of_equal_length_may_differ_in_everything() -> None:
+    texts = [
+        b"< frame 123 1690000000.000100 0A0B >", b"< frame 124 1690000000.000100 0C0D >",
+        b"< frame 123 169000000x.000100 0A0B >", b"< frame 123 1690000000 000100 0A0B >",
+        b"< frame 12X 1690000000.000100 0A0B >", b"< frame 123 169000000.000100  0E0F >",
+        b"< frame 123 16900000000.00100 1112 >", b"< error 040 1690000000.0001 0000 0 >",
+    ]  # fmt: skip
+    assert len(set(map(len, texts))) == 1
+    block, rest, junk = parse(b"".join(texts), Arrivals.at_once(0.0))
+    found = [(0x123, "0a0b"), (0x124, "0c0d"), (0x123, "0e0f"), (0x123, "1112"), (ERROR | 0x040, "")]
+    assert [(frame_id, data) for frame_id, _, data in rows(block)] == found
+    assert (rest, junk) == (b"", 3)
+
+
+def test_a_frame_has_the_time_at_which_its_end_arrived() -> None:
+    chunks = [(1.0, TEXTS[:50]), (2.0, TEXTS[50:120]), (3.0, TEXTS[120:])]
+    ends = [at for at in range(len(TEXTS)) if TEXTS[at : at + 1] == b">"]
+    block, _, _ = parse(TEXTS, Arrivals.of(chunks))
+    assert block.at_s.tolist() == [1.0 if end < 50 else 2.0 if end < 120 else 3.0 for end in ends]
+
+
 def test_a_text_without_an_end_is_not_kept_for_ever() -> None:
-    assert parse(b"< frame " + b"0" * 10_000, 0.0)[1:] == (b"", 0)
+    assert parse(b"< frame " + b"0" * 10_000, Arrivals.at_once(0.0))[1:] == (b"", 0)
 
 
 def test_frames_are_rendered_as_a_server_sends_them() -> None:
