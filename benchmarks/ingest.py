@@ -30,6 +30,8 @@ from bench.store.runs import MANIFEST
 from bench.store.writer import RunWriter
 from benchmarks.bus import FRAMES_OF_A_LATCH
 from drivers.can.frame_block import FrameBlock
+from drivers.transport import can as _can  # noqa: F401  is loaded before the time is taken
+from drivers.transport import socketcand as _socketcand  # noqa: F401  as is that of the other side
 from drivers.transport.wires import RealWires
 
 CONFIG = Path(__file__).parents[1] / "config"
