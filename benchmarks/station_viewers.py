@@ -13,6 +13,8 @@ import statistics
 import tempfile
 import threading
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -92,26 +94,43 @@ def newest(run: Path) -> tuple[int, float]:
     return readings[-1].seq, readings[-1].value
 
 
+@contextmanager
+def running() -> Iterator[tuple[Served, Path]]:
+    """A station, and the folder of a run on it that lasts for hours."""
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder)) as station:
+        item = station.submit(units={"a": "QF-1"}, speed="1", settings={"soak": "4 h"})
+        run = station.until(lambda: station.get(f"queue/{item['id']}")["run"], 60)
+        time.sleep(15)  # the plan is read, and what is made ahead is made
+        yield station, Path(folder) / "runs" / run
+        station.post(f"runs/{run}/abort")
+        station.ended(item)
+
+
+def shares(counts: Sequence[int], seconds: float, delays: list[float] | None = None) -> list[float]:
+    """Processor time of a station with so many viewers, as shares of one core; `delays` gets the last ones, in s."""
+    found, viewers = [], list[Viewer]()
+    with running() as (station, run):
+        for count in sorted(counts):
+            added = [Viewer(station, run.name) for _ in range(count - len(viewers))]
+            for each in added:
+                each.start()
+            viewers += added
+            time.sleep(5 if added else 0)
+            found.append(share(station, seconds))
+        if delays is not None:
+            delays += delays_s(station, run, 10)
+        for each in viewers:
+            each.over.set()
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--viewers", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=60.0)
     asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder, serving(Path(folder)) as station:
-        item = station.submit(units={"a": "QF-1"}, speed="1", settings={"soak": "4 h"})
-        run = station.until(lambda: station.get(f"queue/{item['id']}")["run"], 60)
-        time.sleep(15)  # the plan is read, and what is made ahead is made
-        alone = share(station, asked.seconds)
-        viewers = [Viewer(station, run) for _ in range(asked.viewers)]
-        for each in viewers:
-            each.start()
-        time.sleep(5)
-        together = share(station, asked.seconds)
-        delays = delays_s(station, Path(folder) / "runs" / run, 10)
-        for each in viewers:
-            each.over.set()
-        station.post(f"runs/{run}/abort")
-        station.ended(item)
+    delays = list[float]()
+    alone, together = shares((0, asked.viewers), asked.seconds, delays)
     print(f"alone {alone:.1%} of a core, with {asked.viewers} viewers {together:.1%}: they cost {together - alone:.1%}")
     print(
         f"a reading on the disk is on the stream after {statistics.median(delays):.2f} s, at most {max(delays):.2f} s"
