@@ -27,7 +27,7 @@ from drivers.transport import slcan, socketcand
 
 DBC = Path(__file__).parents[1] / "config" / "if_counter.dbc"
 FRAMES_OF_A_LATCH = 4
-PULSES = {"AxisX": 3, "AxisY": 5, "AxisZ": 7}  # between two latches
+PULSES = {"AxisX": 3, "AxisY": 5, "AxisZ": 7}  # positive ones between two latches; there are no others
 BUFFER_S = 0.25  # what an adapter keeps while nobody reads
 SEND_EVERY_S = 0.005
 WAIT_S = 60.0  # for somebody who opens the bus
@@ -39,7 +39,7 @@ def frames(rate: float, count: int) -> FrameBlock:
     number = np.arange(-(-count // FRAMES_OF_A_LATCH))
     values = {"Latch": {"Tick": np.rint(number * each_s * 1e6).astype(np.int64), "Sequence": number}}
     for axis, pulses in PULSES.items():
-        values[axis] = {"Positive": number * pulses, "Negative": number, "Sequence": number}
+        values[axis] = {"Positive": number * pulses, "Sequence": number}
     return encode_frames(Dbc(DBC.read_text("utf-8")), number * each_s, values).at(np.arange(count))
 
 

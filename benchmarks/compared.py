@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
@@ -39,8 +40,13 @@ class Row:
     lower_is_better: bool = True
 
     def ratio(self, peer: Side) -> float:
-        """How many times better this program is than `peer`: median of the ratios of the rounds."""
-        if len(peer.values) == len(self.ours.values):
+        """How many times better this program is than `peer`: median of the ratios of the rounds.
+
+        Infinite where this program costs nothing.
+        """
+        if not self.ours.value:
+            return math.inf
+        if len(peer.values) == len(self.ours.values) and all(self.ours.values):
             pairs = [theirs / ours for ours, theirs in zip(self.ours.values, peer.values, strict=True)]
         else:
             pairs = [peer.value / self.ours.value]
@@ -80,4 +86,6 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def _shown(value: float) -> str:
+    if math.isinf(value):
+        return "∞"
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
