@@ -81,7 +81,8 @@ def _as_first(rows: NDArray[np.intp], texts: NDArray[np.uint8], form: re.Match[b
 
 def number_of(digits: NDArray[np.uint8], base: int) -> NDArray[np.int64]:
     """Numbers (N,) of their digits (N, n); they must fit."""
-    return digits @ base ** np.arange(digits.shape[1] - 1, -1, -1, dtype=np.int64)
+    numbers: NDArray[np.int64] = digits @ base ** np.arange(digits.shape[1] - 1, -1, -1, dtype=np.int64)
+    return numbers
 
 
 def bytes_of(digits: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -6,6 +6,7 @@ import asyncio
 
 from drivers.can.frame_block import FrameBlock
 from drivers.transport import slcan
+from drivers.transport.alike import Arrivals
 from drivers.transport.frame_link import FrameLink
 
 
@@ -13,7 +14,7 @@ def frames(*lines: str) -> FrameBlock:
     """Frames as an adapter's lines, `ID LENGTH BYTES`, one every 10 ms."""
     blocks = []
     for number, line in enumerate(lines):
-        block, _, junk = slcan.parse(f"t{line.replace(' ', '')}\r".encode(), number / 100)
+        block, _, junk = slcan.parse(f"t{line.replace(' ', '')}\r".encode(), Arrivals.at_once(number / 100))
         assert (len(block), junk) == (1, 0), line
         blocks.append(block)
     return FrameBlock.joined(blocks)

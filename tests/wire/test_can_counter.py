@@ -22,6 +22,7 @@ from drivers.dialects.can_counter.wire import (
     temperatures,
 )
 from drivers.transport import slcan
+from drivers.transport.alike import Arrivals
 from tests.support.frames import frames
 from tests.support.laboratory import CHANNELS, DBC, LATCH, ROOT, counter_form, format_in
 
@@ -153,7 +154,7 @@ def test_foreign_frames_and_frames_of_another_length_are_passed_over() -> None:
 
 
 def test_an_extended_identifier_is_another_frame() -> None:
-    block, _, junk = slcan.parse(b"T00000100840420F002A000003\r", 0.0)
+    block, _, junk = slcan.parse(b"T00000100840420F002A000003\r", Arrivals.at_once(0.0))
     assert (len(block), junk) == (1, 0)
     assert len(latches(FORM, block)[0]) == 0
 
@@ -222,7 +223,7 @@ OTHER_FORM = format_in(
 
 def other(*lines: str) -> FrameBlock:
     text = "".join(line.replace(" ", "") + "\r" for line in lines)
-    block, _, junk = slcan.parse(text.encode(), 0.0)
+    block, _, junk = slcan.parse(text.encode(), Arrivals.at_once(0.0))
     assert junk == 0
     return block
 
