@@ -42,16 +42,14 @@ class Row:
     def ratio(self, peer: Side) -> float:
         """How many times better this program is than `peer`: median of the ratios of the rounds.
 
-        Infinite where this program costs nothing.
+        Infinite where this program costs nothing, or `peer` does not manage any.
         """
-        if not self.ours.value:
-            return math.inf
-        if len(peer.values) == len(self.ours.values) and all(self.ours.values):
-            pairs = [theirs / ours for ours, theirs in zip(self.ours.values, peer.values, strict=True)]
-        else:
-            pairs = [peer.value / self.ours.value]
-        factor = median(pairs)
-        return factor if self.lower_is_better else 1.0 / factor
+        ours, theirs = self.ours.values, peer.values
+        if len(ours) != len(theirs):
+            ours, theirs = (self.ours.value,), (peer.value,)
+        if self.lower_is_better:
+            ours, theirs = theirs, ours
+        return median(each / other if other else math.inf for each, other in zip(ours, theirs, strict=True))
 
     def as_data(self) -> dict[str, Any]:
         """The row for `results.json`, with the ratios."""
