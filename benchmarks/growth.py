@@ -161,8 +161,8 @@ def of_viewers(viewers: Sequence[int]) -> Sequence[Cost]:
 TASKS = {  # sizes of a short measurement, and of a whole one
     "hours": Task("hours of a night, 10 latches/s", "s", (1, 4), (1, 2, 4, 8, 16, 32, 64, 128), of_hours),
     "frames": Task("frames/s of a CAN bus", "cores", (1000, 8000), (500, 1000, 2000, 4000, 8000, 16000), of_frames),
-    "steps": Task("steps", "s", (100, 2000), (100, 1000, 2000, 5000, 10000, 20000, 50000), of_steps),
-    "units": Task("units on a bench, a night of 2 h", "s", (1, 3), (1, 2, 3, 6, 9, 12), of_units),
+    "steps": Task("steps", "s", (100, 2000), (100, 500, 1000, 2000, 4000, 8000), of_steps),
+    "units": Task("units on a bench, a night of 2 h", "s", (1, 3), (1, 2, 3, 6, 9), of_units),
     "viewers": Task("viewers of a page", "cores", (0, 2), (0, 1, 2, 5, 10, 20), of_viewers),
 }  # fmt: skip
 

@@ -28,6 +28,7 @@ def written(folder: Path, units: int) -> tuple[Path, list[str]]:
             old = first["readings"][f"temperature_{letter}"]
             readings[f"temperature_{place}"] = old | {"from": old["from"].replace("counter.", f"{counter}.")}
             own = {"channel": f"{CHANNELS[OF_A_COUNTER.index(letter)]}{number}", "supply": f"supply_{place}"}
+            bench["simulation"]["units"][place] = bench["simulation"]["units"][letter]
             places[place] = first["places"][letter] | own | {"temperature": f"temperature_{place}"}
     path = folder / "config" / "wide.yaml"
     path.write_text(json.dumps(bench, default=str, ensure_ascii=False), "utf-8")  # without the aliases of yaml

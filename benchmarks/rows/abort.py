@@ -51,8 +51,8 @@ def measure(whole: bool) -> Iterator[Row]:
     within_s = min(limits_s.values())
     yield _row(
         f"{work}: until all {len(limits_s)} instruments are safe", safe_s, (peer, theirs["done_s"]),
-        "in the record, on the disk", f"all ≤ {within_s:g} s, the shortest limit of an instrument",
-        max(safe_s) <= within_s,
+        "read back, and on the disk; what switches off is sent at once",
+        f"all ≤ {within_s:g} s, the shortest limit of an instrument", max(safe_s) <= within_s,
     )  # fmt: skip
 
 
