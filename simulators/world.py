@@ -30,7 +30,7 @@ from simulators.units.unit_file import stream
 
 Array = NDArray[np.float64]
 
-STRAIGHT_C = 0.001
+STRAIGHT_S = 10.0  # time for which temperatures are taken as straight lines
 
 
 class World:
@@ -108,20 +108,22 @@ class World:
         return self._origin_s + true_s / (1 + self.settings.host_clock)
 
     def look(self) -> float:
-        """Compute the temperatures up to now; return now."""
+        """Compute the temperatures up to now, at least every STRAIGHT_S; return now."""
         now = self.now()
-        self.thermal.advance(now)
-        for unit in self.units.values():
-            unit.temperatures.follow(now, unit.powered_at_s is not None)
-        for imu in self.imus.values():
-            imu.temperatures.follow(now, imu.powered_at_s is not None)
+        passed_s = now - self.thermal.now_s
+        pieces = max(1, math.ceil(passed_s / STRAIGHT_S))
+        for left in reversed(range(pieces)):
+            self._follow(now - left * passed_s / pieces)
         return now
 
-    @property
-    def straight_for_s(self) -> float:
-        """Time for which a straight line stays within STRAIGHT_C of the temperature of every sensor."""
-        bend_c_per_s2 = self.thermal.bend_c_per_s2
-        return math.sqrt(8 * STRAIGHT_C / bend_c_per_s2) if bend_c_per_s2 else math.inf
+    def _follow(self, at_s: float) -> None:
+        self.thermal.advance(at_s)
+        for unit in self.units.values():
+            unit.temperatures.follow(at_s, unit.powered_at_s is not None)
+        for gyro in self.gyros.values():
+            gyro.temperatures.follow(at_s)
+        for imu in self.imus.values():
+            imu.temperatures.follow(at_s, imu.powered_at_s is not None)
 
     def moves_until_s(self, from_s: float, now_s: float) -> float:
         """Time at which all axes moving at `from_s` are at rest; now if one does not stop."""

@@ -70,7 +70,6 @@ class Thermal:
         self._commanded = Line(chamber.start_c, 0.0, chamber.start_c, math.inf)
         amplitude, turn = chamber.limit_cycle_c * math.sqrt(2), 2 * math.pi / chamber.limit_cycle_period_s
         self._boards = _boards(units)
-        self._bending = _bending(chamber, units)
         state = np.zeros(_FIRST_UNIT + _PER_UNIT * len(units) + _PER_BOARD * len(self._boards))
         state[[_AIR, _SET_POINT]] = chamber.start_c
         state[_CYCLE] = amplitude * math.cos(cycle_phase_rad)
@@ -184,11 +183,6 @@ class Thermal:
         first = _FIRST_UNIT + _PER_UNIT * unit
         return float((self._state[first] - self._state[first + 1]) / self._units[unit].sensor_s)
 
-    @property
-    def bend_c_per_s2(self) -> float:
-        """Upper bound of the second derivative of a sensor or board temperature."""
-        return float(np.abs(self._bending @ self._state).max(initial=0.0))
-
     def _propagator(self, ticks: int) -> Matrix:
         """Transition matrix over `ticks` milliseconds: product of those over powers of two, made by squaring."""
         found = self._propagators.get(ticks)
@@ -224,14 +218,6 @@ def _one_step(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix
     step = np.asarray(expm(_system(chamber, units) / _STEPS_PER_S), np.float64)
     step.setflags(write=False)
     return step
-
-
-@lru_cache(maxsize=32)
-def _bending(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:
-    """Matrix that gives the second derivatives of all sensors and boards from a state."""
-    system = _system(chamber, units)
-    rows = [*range(_FIRST_UNIT + 1, _FIRST_UNIT + _PER_UNIT * len(units), _PER_UNIT), *_boards(units).values()]
-    return np.asarray((system @ system)[rows])
 
 
 def _system(chamber: ChamberPhysics, units: tuple[UnitPhysics, ...]) -> Matrix:

@@ -65,8 +65,8 @@ class SimulatedUnit:
         start_c = settings.chamber.start_c
         self.temperatures = UnitTemperatures(world.thermal, index, file, start_c, settings.thermometer_lag_s)
         self._thermometer, self._board_thermometer = self._thermometers(settings)
-        self.board = Board(self.temperatures, start_c)
-        self._last_c, self._last_g = start_c, (0.0, 0.0)  # bias from hysteresis, and from the rate of temperature
+        self.board = Board(self.temperatures)
+        self._hysteresis_g = 0.0  # at the end of the last block
         self.powered_at_s: float | None = None
         self.history: list[UnitState] = []
         self.input: Input = "accelerometer"
@@ -90,17 +90,13 @@ class SimulatedUnit:
 
     def _thermometers(self, settings: WorldSettings) -> tuple[Thermometer, Thermometer]:
         """Thermometers at the unit and at its converter."""
-        own, start_c = self.settings, settings.chamber.start_c
+        own = self.settings
 
-        def made(name: str, at_c: float, errors: ThermometerErrors) -> Thermometer:
+        def made(name: str, errors: ThermometerErrors) -> Thermometer:
             noise = stream(settings.seed, "noise", self.place, name)
-            return Thermometer(at_c, errors, settings.thermometer_noise_c, noise, settings.run_s)
+            return Thermometer(errors, settings.thermometer_noise_c, noise, settings.run_s)
 
-        board_c = start_c if self.temperatures.board_in_chamber else self.temperatures.board_c
-        return (
-            made("thermometer", start_c, own.thermometer),
-            made("converter thermometer", board_c, own.converter_thermometer),
-        )
+        return made("thermometer", own.thermometer), made("converter thermometer", own.converter_thermometer)
 
     @property
     def sent(self) -> Sent:
@@ -144,14 +140,15 @@ class SimulatedUnit:
     def _currents_a(self, edges_s: Array) -> tuple[Array, Array | None]:
         """Mean currents of the intervals, 0 without power, and the converter's temperature."""
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = self.temperatures.sensor_c
-        span = edges_s[-1] - edges_s[0]
-        passed = (middle - edges_s[0]) / span
-        temperature = self._last_c + passed * (now_c - self._last_c)
-        bias_g = self._followed_g(now_c, passed, float(span))
-        self.history.append(self._state(float(edges_s[-1]), self._last_g[0]))
-        self._last_c = now_c
-        board_c = self.board.followed_c(edges_s, middle, self.history[-1].drifted_g)
+        begin_s, end_s = float(edges_s[0]), float(edges_s[-1])
+        course = self.temperatures.course
+        course.forget(begin_s)
+        temperature, corners_s = course.sensor_c(middle), course.corners_s(begin_s, end_s)
+        seconds_s, hysteresis_g = self._followed_g(begin_s, end_s)
+        bias_g = np.interp(middle, seconds_s, hysteresis_g) + self.truth.kd * course.rate_c_per_s(middle)
+        states = self._states(corners_s[1:], np.interp(corners_s[1:], seconds_s, hysteresis_g))
+        self.history += states
+        board_c = self.board.followed_c(corners_s, middle, np.array([each.drifted_g for each in states]))
         if self.powered_at_s is None:
             return np.zeros_like(middle), board_c
         noise_g = self._noise.mean(interval)
@@ -166,17 +163,13 @@ class SimulatedUnit:
             current = self._world.source_a(self.settings.source, middle)
         return current, board_c
 
-    def _followed_g(self, now_c: float, passed: Array, over_s: float) -> Array:
-        """Bias from hysteresis and rate of temperature at these fractions of a time that ends now.
-
-        The temperature changes linearly; hysteresis follows it every second.
-        """
-        steps = math.ceil(over_s / HYSTERESIS_STEP_S)
-        hysteresis_g, moving_g = self._last_g
-        by_step = [self._hysteresis.bias_g(at_c) for at_c in np.linspace(self._last_c, now_c, steps + 1)[1:].tolist()]
-        self._last_g = by_step[-1], self._moving_g()
-        followed_g = np.interp(passed, np.linspace(0, 1, steps + 1), [hysteresis_g, *by_step])
-        return np.asarray(followed_g + moving_g + passed * (self._last_g[1] - moving_g))
+    def _followed_g(self, begin_s: float, end_s: float) -> tuple[Array, list[float]]:
+        """Bias from hysteresis at times from the begin to the end, about a second apart."""
+        seconds_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / HYSTERESIS_STEP_S))
+        course_c = self.temperatures.course.sensor_c(seconds_s[1:])
+        followed_g = [self._hysteresis_g, *map(self._hysteresis.bias_g, course_c.tolist())]
+        self._hysteresis_g = followed_g[-1]
+        return seconds_s, followed_g
 
     def mean_volts(self, begin_s: float, end_s: float, noise: Noise, load_ohm: float) -> float:
         """Mean voltage of its current across a load from `begin_s` to `end_s`; 0 without power.
@@ -186,8 +179,9 @@ class SimulatedUnit:
         """
         hysteresis_g = self._hysteresis.bias_g(self.temperatures.sensor_c)
         now_s = self._world.thermal.now_s
-        state = self._state(now_s, hysteresis_g)
+        (state,) = self._states(np.array([now_s]), np.array([hysteresis_g]))
         if not self.settings.channel:  # only this object keeps its history
+            self.temperatures.course.forget(now_s)
             self.history.append(state)
         board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, state.drifted_g)
         if self.powered_at_s is None:
@@ -196,7 +190,7 @@ class SimulatedUnit:
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         since_s = middle - now_s
         temperature = self.temperatures.sensor_c + since_s * self.temperatures.sensor_rate_c_per_s
-        bias_g = hysteresis_g + self._moving_g()
+        bias_g = hysteresis_g + state.moving_g
         current_a = self._current_a(middle, temperature, bias_g, noise.mean(interval))
         if self.input == "source":
             current_a = self._world.source_a(self.settings.source, middle)
@@ -206,17 +200,14 @@ class SimulatedUnit:
         """An independent copy of its noise, so that the readings of one observer do not affect those of another."""
         return noise_of(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
-    def _state(self, true_s: float, hysteresis_g: float) -> UnitState:
-        at_s = np.array([true_s])
-        by_input_g = float(self._by_input_g(at_s)[0])
-        drifted_g = hysteresis_g + by_input_g + float(self._slow_bias_g(at_s)[0])
-        warm_c = self.temperatures.sensor_c, self.temperatures.thermometer_c
-        stepped = self._turned_on_g, self._turned_on_scale
-        return UnitState(true_s, drifted_g, self._moving_g(), *warm_c, *stepped, by_input_g)
-
-    def _moving_g(self) -> float:
-        """Bias from the rate of temperature."""
-        return self.truth.kd * self.temperatures.sensor_rate_c_per_s
+    def _states(self, at_s: Array, hysteresis_g: Array) -> list[UnitState]:
+        """States at times for the bias from hysteresis at these."""
+        course, by_input_g = self.temperatures.course, self._by_input_g(at_s)
+        drifted_g = hysteresis_g + by_input_g + self._slow_bias_g(at_s)
+        moving_g = self.truth.kd * course.rate_c_per_s(at_s)
+        stepped = np.full_like(at_s, self._turned_on_g), np.full_like(at_s, self._turned_on_scale)
+        columns = at_s, drifted_g, moving_g, course.sensor_c(at_s), course.thermometer_c(at_s), *stepped, by_input_g
+        return list(map(UnitState, *(column.tolist() for column in columns)))
 
     def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
         drifting = self._slow_bias_g(at_s) + bias_g
@@ -241,12 +232,10 @@ class SimulatedUnit:
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
-        now_c = followed_c(self.faults, self.temperatures.thermometer_c, self._world.settings.ambient_c)
-        read_c = self._thermometer.readings_c(at_s, self._world.thermal.now_s, now_c)
+        true_c = followed_c(self.faults, self.temperatures.course.thermometer_c(at_s), self._world.settings.ambient_c)
+        read_c = self._thermometer.readings_c(at_s, true_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c
 
     def converter_thermometer_c(self, at_s: Array) -> Array:
         """As `thermometer_c`, of the thermometer at the converter."""
-        return self._board_thermometer.readings_c(
-            at_s, self._world.thermal.now_s, self.temperatures.board_thermometer_c
-        )
+        return self._board_thermometer.readings_c(at_s, self.temperatures.course.board_thermometer_c(at_s))

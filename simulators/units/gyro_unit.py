@@ -15,6 +15,7 @@ from simulators.physics.noise import Noise
 from simulators.units.accelerometer import Sent
 from simulators.units.gyro import GyroTruth, Vectors, draw_gyro, noise_of_gyro
 from simulators.units.gyro_file import GyroFile
+from simulators.units.sensor_temperatures import SensorTemperatures
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import Draw, stream
@@ -52,12 +53,13 @@ class SimulatedGyro:
         self.settings = settings.places[place]
         self.truth = draw_gyro_unit(file, settings.seed, place)
         self.faults = FaultPlan(now_s=world.now)
-        self._index, self._world = index, world
+        self._world = world
+        self.temperatures = SensorTemperatures(world.thermal, index, settings.chamber.start_c)
         self._noise = noise_of_gyro(self.truth, settings.seed, place)
         dynamics = self.truth.dynamics
         self._follower = Follower(dynamics) if dynamics is not None else None
         self._thermometer = Thermometer(
-            settings.chamber.start_c, self.settings.thermometer, settings.thermometer_noise_c,
+            self.settings.thermometer, settings.thermometer_noise_c,
             stream(settings.seed, "noise", place, "thermometer"), settings.run_s,
         )  # fmt: skip
         self.powered_at_s: float | None = None
@@ -100,8 +102,11 @@ class SimulatedGyro:
 
     def _output_pps(self, at_s: Array, noise_dps: Array) -> Array:
         rate_dps, force_g = self._sensed(at_s)
-        sensor_c = self._world.thermal.sensor_c(self._index)
-        self.history.append((float(np.max(at_s)), sensor_c))
+        course, begin_s, end_s = self.temperatures.course, float(np.min(at_s)), float(np.max(at_s))
+        course.forget(begin_s)
+        corners_s = course.corners_s(begin_s, end_s)[1:]
+        self.history += zip(corners_s.tolist(), course.sensor_c(corners_s).tolist(), strict=True)
+        sensor_c = course.sensor_c(at_s)
         return self.truth.output_pps(rate_dps, force_g, sensor_c, noise_dps)
 
     def _mean_pps(self, edges_s: Array) -> Array:
@@ -130,7 +135,6 @@ class SimulatedGyro:
 
     def thermometer_c(self, at_s: Array) -> Array:
         """Readings of the thermometer at the unit at times since the last call, with its errors and noise."""
-        thermal = self._world.thermal
-        now_c = followed_c(self.faults, thermal.thermometer_c(self._index), self._world.settings.ambient_c)
-        read_c = self._thermometer.readings_c(at_s, thermal.now_s, now_c)
+        true_c = followed_c(self.faults, self.temperatures.course.thermometer_c(at_s), self._world.settings.ambient_c)
+        read_c = self._thermometer.readings_c(at_s, true_c)
         return np.full_like(read_c, OPEN_C) if self.faults.active("open_thermometer") else read_c

@@ -21,11 +21,13 @@ from simulators.physics.table_kinematics import Stands, waves_of
 from simulators.physics.thermal import UnitPhysics
 from simulators.units.accelerometer import Hysteresis, Sent, noise_of
 from simulators.units.accelerometer_unit import Input
+from simulators.units.course import straight
 from simulators.units.gyro import noise_of_gyro
 from simulators.units.imu_drawn import draw_imu, stacked
 from simulators.units.imu_file import NAMES, ImuFile
 from simulators.units.imu_on_table import SensorsOnTable, is_on_table
 from simulators.units.imu_temperatures import CHANNELS, CIRCUIT, ImuTemperatures, TemperatureCircuit
+from simulators.units.sensor_temperatures import SensorTemperatures
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import stream
@@ -66,16 +68,14 @@ class SimulatedImu:
         self._on_table = SensorsOnTable(self.truth, self.settings, world) if on_table else None
         self._hysteresis = [Hysteresis(truth, settings.chamber.start_c) for _, truth, _ in named]
         start_c, unit = settings.chamber.start_c, self.settings.unit.accelerometer(NAMES[0])
-        self.temperatures = UnitTemperatures(world.thermal, sensors[0], unit, start_c, settings.thermometer_lag_s)
-        self._warm = ImuTemperatures(
-            self.temperatures, world.thermal, sensors[1], self.settings.unit.thermal, settings.ambient_c
-        )
-        self.board = Board(self.temperatures, start_c)
+        accelerometers = UnitTemperatures(world.thermal, sensors[0], unit, start_c, settings.thermometer_lag_s)
+        gyros = SensorTemperatures(world.thermal, sensors[1], start_c)
+        self.temperatures = ImuTemperatures(accelerometers, gyros, self.settings.unit.thermal, settings.ambient_c)
+        self.board, self._board_course = Board(accelerometers), accelerometers.course
         named_errors = {**self.settings.thermometers, "converter": self.settings.converter_thermometer}
-        board_c = start_c if self.temperatures.board_in_chamber else self.temperatures.board_c
         self._thermometers = {
             sensor: Thermometer(
-                board_c if sensor == "converter" else start_c, errors, settings.thermometer_noise_c,
+                errors, settings.thermometer_noise_c,
                 stream(settings.seed, "noise", place, sensor, "thermometer"), settings.run_s,
             )
             for sensor, errors in named_errors.items()
@@ -83,8 +83,8 @@ class SimulatedImu:
         self._board_thermometer = self._thermometers.pop("converter")
         noise = stream(settings.seed, "noise", place, CIRCUIT)
         circuit = self.truth.circuit
-        self._circuit = None if circuit is None else TemperatureCircuit(circuit, start_c, noise)
-        self._last_c = np.full(len(CHANNELS), start_c)
+        self._circuit = None if circuit is None else TemperatureCircuit(circuit, noise)
+        self._hysteresis_g = np.zeros((len(NAMES), 1))  # at the end of the last block
         self.input: Input = "accelerometer"
         self.fed_channel = ""  # of CHANNELS, into whose converter the cable of the source is plugged
         self._cached_for: tuple[float, float, int] = (-1.0, -1.0, 0)
@@ -154,19 +154,17 @@ class SimulatedImu:
 
         `sensor` is a triad of SENSORS, one of CHANNELS, or CIRCUIT, whose readings are frequencies in Hz.
         """
-        now_s, at_unit_c = self._world.thermal.now_s, self._warm.thermometer_c(sensor)
+        at_unit_c = self.temperatures.thermometer_c(sensor, at_s)
         if sensor == CIRCUIT and self._circuit is not None:
-            return self._circuit.readings_hz(at_s, now_s, at_unit_c)
+            return self._circuit.readings_hz(at_s, at_unit_c)
         if self.faults.active("open_thermometer"):
             return np.full(len(at_s), OPEN_C)
-        now_c = followed_c(self.faults, at_unit_c, self._world.settings.ambient_c)
-        return self._thermometers[sensor].readings_c(at_s, now_s, now_c)
+        true_c = followed_c(self.faults, at_unit_c, self._world.settings.ambient_c)
+        return self._thermometers[sensor].readings_c(at_s, true_c)
 
     def converter_thermometer_c(self, at_s: Array) -> Array:
         """As `thermometer_c`, of the thermometer on the board of its converters."""
-        return self._board_thermometer.readings_c(
-            at_s, self._world.thermal.now_s, self.temperatures.board_thermometer_c
-        )
+        return self._board_thermometer.readings_c(at_s, self._board_course.board_thermometer_c(at_s))
 
     def _pulses(self, edges_s: Array) -> Array:
         current_a, gyro_pps, board_c = self._sensed(edges_s)
@@ -187,27 +185,20 @@ class SimulatedImu:
         Also the temperature of the converters; None outside the chamber.
         """
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
-        now_c = self._warm.sensors_c
-        passed = (middle - edges_s[0]) / (edges_s[-1] - edges_s[0])
-        accelerometer_c, gyro_c = self._between_c(now_c, passed)
-        self._last_c = now_c
-        of_each = zip(self._hysteresis, now_c[: len(NAMES)].tolist(), strict=True)
-        hysteresis_g = np.array([play.bias_g(sensor_c) for play, sensor_c in of_each])
-        moving_g = self._accelerometers.kd * self.temperatures.sensor_rate_c_per_s * self._warm.follows
-        begun, ended = self._slow(float(edges_s[0])), self._slow(float(edges_s[-1]))
-        self.history.append(_state(float(edges_s[-1]), hysteresis_g + ended[0], ended[1], moving_g, now_c))
-        board_c = self.board.followed_c(edges_s, middle, 0.0)  # drifts of the three biases are in `history`
+        corners_s = self.temperatures.corners_s(float(edges_s[0]), float(edges_s[-1]))
+        slow, sensors_c = self._slow(corners_s)
+        board_c = self.board.followed_c(corners_s, middle, np.zeros(1))  # drifts of the biases are in `history`
         if self.powered_at_s is None or self.faults.active("dead"):
             return None, np.empty(0), board_c
-        noise = mean_noise(self._noise, interval)
-        slow_g, slow_dps = (
-            from_[:, np.newaxis] + passed * (to - from_)[:, np.newaxis] for from_, to in zip(begun, ended, strict=True)
-        )
-        drifting_g = slow_g + hysteresis_g[:, np.newaxis] + moving_g + noise[: len(NAMES)]
-        drifting_dps = slow_dps + noise[len(NAMES) :]
+        if not self.temperatures.has_gradients:
+            sensors_c = sensors_c[:: len(NAMES)]
+        drifting, warm_c = np.split(straight(corners_s, np.concatenate([slow, sensors_c]), middle), [len(slow)])
+        drifting += mean_noise(self._noise, interval)
+        drifting_g, drifting_dps = drifting[: len(NAMES)], drifting[len(NAMES) :]
+        accelerometer_c, gyro_c = np.split(warm_c, 2) if self.temperatures.has_gradients else (warm_c[0], warm_c[1])
         if self._on_table is not None:
-            warm_c, drifting = (accelerometer_c, gyro_c), (drifting_g, drifting_dps)
-            current_a, gyro_pps = self._on_table.sensed(edges_s, warm_c, drifting)
+            warm, biases = (accelerometer_c, gyro_c), (drifting_g, drifting_dps)
+            current_a, gyro_pps = self._on_table.sensed(edges_s, warm, biases)
             return current_a, self._gyros.clipped_pps(gyro_pps), board_c
         force_g, rate_dps = self._stimulus(edges_s, middle)
         current_a = self._accelerometers.current_a(force_g, accelerometer_c, drifting_g)
@@ -215,12 +206,6 @@ class SimulatedImu:
         if self.input == "source":
             current_a = self._from_source(middle)
         return current_a, self._gyros.clipped_pps(gyro_pps), board_c
-
-    def _between_c(self, now_c: Array, passed: Array) -> tuple[Array, Array]:
-        """Temperatures of accelerometers and gyros at shares (n,) of a time that ends now: (3, n), or (n,) if alike."""
-        each_c = (self._last_c + passed[:, np.newaxis] * (now_c - self._last_c)).T
-        triads_c = each_c[: len(NAMES)], each_c[len(NAMES) :]
-        return triads_c if self._warm.has_gradients else (triads_c[0][0], triads_c[1][0])
 
     def _from_source(self, at_s: Array) -> Array:
         """Currents of the accelerometer channels (3, n) with the accelerometers disconnected: that of the source."""
@@ -230,15 +215,34 @@ class SimulatedImu:
             current_a[fed] = self._world.source_a(self.settings.source, at_s)
         return current_a
 
-    def _slow(self, true_s: float) -> tuple[Array, Array]:
-        """Drift and warm-up of the biases of its accelerometers (g) and its gyros (°/s), (3,) each."""
+    def _slow(self, corners_s: Array) -> tuple[Array, Array]:
+        """What is slow, at times (k,): biases of CHANNELS without noise in g and °/s, and their temperatures, (6, k).
+
+        Hysteresis follows from each of the times to the next, and the history goes on.
+        """
+        sensors_c = self.temperatures.sensors_c(corners_s)
+        followed_g = [
+            [play.bias_g(each_c) for each_c in course_c]
+            for play, course_c in zip(self._hysteresis, sensors_c[: len(NAMES), 1:].tolist(), strict=True)
+        ]
+        hysteresis_g = np.concatenate([self._hysteresis_g, followed_g], axis=1)
+        self._hysteresis_g = hysteresis_g[:, -1:]
+        drift_g, drift_dps = self._drifts(corners_s)
+        drift_g = drift_g + hysteresis_g
+        moving_g = self._accelerometers.kd * self.temperatures.rates_c_per_s(corners_s)
+        reached = (each[:, 1:].T.tolist() for each in (drift_g, drift_dps, moving_g, sensors_c))
+        self.history += map(ImuState, corners_s[1:].tolist(), *(map(tuple, rows) for rows in reached))
+        return np.concatenate([drift_g + moving_g, drift_dps]), sensors_c
+
+    def _drifts(self, true_s: Array) -> tuple[Array, Array]:
+        """Drift and warm-up of the biases of its accelerometers (g) and its gyros (°/s) at times (k,): (3, k) each."""
         accelerometers, gyros = self._accelerometers, self._gyro_drift
         drift_g, drift_dps = accelerometers.drift_g_per_s * true_s, gyros.drift_dps2 * true_s
         if self.powered_at_s is not None:
             powered_s = true_s - self.powered_at_s
             drift_g = drift_g + accelerometers.warm_up_g * np.exp(-powered_s / accelerometers.warm_up_s)
             drift_dps = drift_dps + gyros.warm_up_dps * np.exp(-powered_s / gyros.warm_up_s)
-        return np.ravel(drift_g), np.ravel(drift_dps)
+        return drift_g, drift_dps
 
     def _stimulus(self, edges_s: Array, middle_s: Array) -> tuple[Components, Components]:
         """Specific force in g and rate in °/s at its sensors, (3, n) each, or (3, 1) at rest."""
@@ -329,10 +333,6 @@ class ImuChannel:
         of_gyro = self.row >= len(NAMES)
         codes = truth.gyros_send[axis] if of_gyro else truth.accelerometers[axis]
         return Sent(truth.clock, codes.zero_code, codes.noise_code)
-
-
-def _state(true_s: float, *added: Array | float) -> ImuState:
-    return ImuState(true_s, *(tuple(np.ravel(each).tolist()) for each in added))
 
 
 def _along(vectors: Array) -> Components:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.corrections import Table, read_of
 from simulators.physics.thermal import Thermal
+from simulators.units.course import Course, Temperatures
 from simulators.units.unit_file import ThermostatModel, UnitFile
 
 Array = NDArray[np.float64]
@@ -28,11 +29,18 @@ class UnitTemperatures:
         self._thermostat = None
         if model.thermostat is not None:
             self._thermostat = Thermostat(model.thermostat, model.sensor_time_constant, thermometer_s, start_c)
+        self.course = Course(start_c, self.board_c)
 
     def follow(self, now_s: float, powered: bool) -> None:
         """Follow the chamber, which is computed up to now."""
         if self._thermostat is not None:
             self._thermostat.advance(now_s, self._thermal.case_c(self._index), powered)
+        self.course.go_on(
+            now_s,
+            Temperatures(
+                self.sensor_c, self.sensor_rate_c_per_s, self.thermometer_c, self.board_c, self.board_thermometer_c
+            ),
+        )
 
     @property
     def sensor_c(self) -> float:
@@ -88,37 +96,35 @@ class BoardState(NamedTuple):
 class Board:
     """Temperature of the converter of a unit over time; `history` is empty for one outside the chamber."""
 
-    def __init__(self, temperatures: UnitTemperatures, start_c: float) -> None:
-        self._temperatures, self._last_c = temperatures, start_c
+    def __init__(self, temperatures: UnitTemperatures) -> None:
+        self._temperatures = temperatures
         self.history: list[BoardState] = []
 
-    def followed_c(self, edges_s: Array, at_s: Array, drifted_g: float) -> Array | None:
-        """Temperatures at times between the first edge and the last, which is now; None outside the chamber."""
+    def followed_c(self, corners_s: Array, at_s: Array, drifted_g: Array) -> Array | None:
+        """Temperatures at times; None outside the chamber. The history goes on from the first corner to the last."""
         if not self._temperatures.board_in_chamber:
             return None
-        before_c = self._last_c
-        self._now_at(float(edges_s[-1]), drifted_g)
-        followed = before_c + (at_s - edges_s[0]) * ((self._last_c - before_c) / (edges_s[-1] - edges_s[0]))
-        return np.asarray(followed)
+        course, reached_s = self._temperatures.course, corners_s[1:]
+        known = course.board_c(reached_s), course.board_thermometer_c(reached_s), course.sensor_c(reached_s)
+        columns = (reached_s, *known, np.broadcast_to(drifted_g, reached_s.shape))
+        self.history += map(BoardState, *(column.tolist() for column in columns))
+        return course.board_c(at_s)
 
     def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
         """Temperature just before now, independent of the last call; None outside the chamber."""
         if not self._temperatures.board_in_chamber:
             return None
-        self._now_at(now_s, drifted_g)
-        return np.asarray(self._last_c - self._temperatures.board_rate_c_per_s * before_s)
-
-    def _now_at(self, now_s: float, drifted_g: float) -> None:
         temperatures = self._temperatures
-        self._last_c = temperatures.board_c
+        board_c = temperatures.board_c
         self.history.append(
-            BoardState(now_s, self._last_c, temperatures.board_thermometer_c, temperatures.sensor_c, drifted_g)
+            BoardState(now_s, board_c, temperatures.board_thermometer_c, temperatures.sensor_c, drifted_g)
         )
+        return np.asarray(board_c - temperatures.board_rate_c_per_s * before_s)
 
 
-def followed_c(faults: FaultPlan, at_unit_c: float, room_c: float) -> float:
-    """Temperature of an ideal thermometer at a unit, or of the room if it is detached."""
-    return room_c if faults.active("detached_thermometer") else at_unit_c
+def followed_c(faults: FaultPlan, at_unit_c: Array, room_c: float) -> Array:
+    """Temperatures of an ideal thermometer at a unit, or that of the room if it is detached."""
+    return np.full_like(at_unit_c, room_c) if faults.active("detached_thermometer") else at_unit_c
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,16 +144,11 @@ class ThermometerErrors:
 class Thermometer:
     """Readings of a thermometer from those of an ideal one, with errors and noise; a run of 0 s has no drift."""
 
-    def __init__(
-        self, start_c: float, errors: ThermometerErrors, noise_c: float, noise: Generator, run_s: float = 0.0
-    ) -> None:
+    def __init__(self, errors: ThermometerErrors, noise_c: float, noise: Generator, run_s: float = 0.0) -> None:
         self._errors, self._noise_c, self._noise, self._run_s = errors, noise_c, noise, run_s
-        self._read_at_s, self._read_c = 0.0, start_c
 
-    def readings_c(self, at_s: Array, now_s: float, now_c: float) -> Array:
-        """Readings at times since the last call, for an ideal thermometer that has reached `now_c`."""
-        true_c = np.interp(at_s, [self._read_at_s, now_s], [self._read_c, now_c])
-        self._read_at_s, self._read_c = now_s, now_c
+    def readings_c(self, at_s: Array, true_c: Array) -> Array:
+        """Readings at times at which an ideal thermometer reads `true_c`."""
         right_c = true_c * (1 + self._errors.gain) + self._errors.offset_c
         if self._run_s:
             right_c = right_c + self._errors.drift_c * (at_s / self._run_s - 0.5)

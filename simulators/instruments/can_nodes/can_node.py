@@ -94,8 +94,8 @@ class CanNode(ABC):
 
     @property
     def block_s(self) -> float:
-        """Time for which temperatures stay linear; a rehearsal may lose buffered frames in a power cut."""
-        return max(IDLE_BLOCK_S, min(self.longest_block_s, self._world.straight_for_s))
+        """Time for which frames may stay here; a rehearsal may lose buffered frames in a power cut."""
+        return self.longest_block_s
 
     def take(self) -> FrameBlock:
         """Frames sent since the last call; LinkLost if the connection is cut."""

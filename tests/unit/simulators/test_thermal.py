@@ -197,19 +197,6 @@ def test_the_rate_of_the_sensor_is_its_slope() -> None:
     assert (world.sensor_c(1) - before) / 0.002 == pytest.approx(slope, rel=1e-4)
 
 
-def test_the_bend_is_the_change_of_the_rate_of_the_sensor_that_changes_most() -> None:
-    world = Thermal(STILL, (IMU, UNIT), 0.0)
-    assert world.bend_c_per_s2 == pytest.approx(0, abs=1e-15)
-    world.ramp(50, 3 / 60)
-    for at_s in (100, 300, 900, 4000):
-        world.advance(at_s)
-        before = [world.sensor_rate_c_per_s(unit) for unit in (0, 1)]
-        bend = world.bend_c_per_s2
-        world.advance(at_s + 0.01)
-        after = [world.sensor_rate_c_per_s(unit) for unit in (0, 1)]
-        assert bend == pytest.approx(np.abs(np.subtract(after, before)).max() / 0.01, rel=1e-3)
-
-
 def test_no_time_has_no_propagator() -> None:
     with pytest.raises(ValueError, match="no time passes"):
         thermal._power([np.eye(2)], 0)

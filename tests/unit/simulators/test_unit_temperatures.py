@@ -97,7 +97,7 @@ def test_a_board_was_a_moment_ago_where_its_rate_says_however_long_nobody_looked
     ramped = Thermal(ChamberPhysics(limit_cycle_c=0.0), (UnitPhysics(180, 60, 0, 20, 120),), 0.0)
     unit = load_file(ROOT / "config/uut/volts_channel.yaml", UnitFile)
     warmth = UnitTemperatures(ramped, 0, unit, 20.0, 20.0)
-    board = Board(warmth, 20.0)
+    board = Board(warmth)
     ramped.ramp(60.0, 25 / 3600)
     ramped.advance(3600.0)
     rate = 25 / 3600

@@ -412,22 +412,23 @@ def test_the_laboratory_holds_every_device_of_the_bench() -> None:
     assert isinstance(lab.world.units["a"].truth, UnitTruth)
 
 
-def test_frames_are_left_together_as_long_as_no_temperature_bends() -> None:
-    clock_s = [0.0]
+def test_temperatures_of_frames_left_for_a_minute_are_those_of_frames_taken_every_other_second() -> None:
     bench = load_bench(ROOT / "config/imu.yaml").bench
-    lab = make_laboratory(bench, unit_files(bench, None), 1, lambda: clock_s[0])
-    node, thermal = lab.nodes["counter"], lab.world.thermal
-    assert node.block_s == 10.0
-    lab.leave_frames(60.0)
-    lab.world.ramp(50.0, 3 / 60)
-    left_s, bent_c = [], []
-    for clock_s[0] in range(0, 4 * 3600, 600):
-        node.take()
-        left_s.append(node.block_s)
-        bent_c.append(thermal.bend_c_per_s2 * node.block_s**2 / 8)
-    assert left_s[0] == left_s[-1] == 60.0, "before it warms, and when it is warm"
-    assert 10.0 <= min(left_s) < 20.0, "and not while it does"
-    assert max(bent for left, bent in zip(left_s, bent_c, strict=True) if left > 10.0) < 0.0010001
+
+    def sensors_c(every_s: int) -> list[float]:
+        clock_s = [0.0]
+        lab = make_laboratory(bench, unit_files(bench, None), 1, lambda: clock_s[0])
+        node, imu = lab.nodes["counter"], lab.world.imus["a"]
+        assert node.block_s == 10.0
+        lab.leave_frames(60.0)
+        assert node.block_s == 60.0
+        lab.world.ramp(50.0, 3 / 60)
+        for clock_s[0] in range(every_s, 1200 + 1, every_s):
+            node.take()
+        at_s, found_c = zip(*((each.true_s, each.sensors_c) for each in imu.history), strict=True)
+        return np.concatenate([np.interp(range(1200), at_s, course_c) for course_c in zip(*found_c, strict=True)])
+
+    assert sensors_c(60) == pytest.approx(sensors_c(2), abs=0.001)
 
 
 def test_every_place_needs_a_simulated_unit(tmp_path: Path) -> None:

@@ -72,8 +72,8 @@ def test_a_thermometer_without_a_certificate_has_no_drift() -> None:
 
 
 def test_a_simulated_thermometer_drifts_evenly_over_the_run_about_its_offset() -> None:
-    thermometer = Thermometer(20.0, ThermometerErrors(0.3, drift_c=0.1), 0.0, default_rng(1), run_s=1000.0)
-    assert thermometer.readings_c(np.array([0.0, 250.0, 500.0, 1000.0]), 1000.0, 20.0) == pytest.approx(
+    thermometer = Thermometer(ThermometerErrors(0.3, drift_c=0.1), 0.0, default_rng(1), run_s=1000.0)
+    assert thermometer.readings_c(np.array([0.0, 250.0, 500.0, 1000.0]), np.full(4, 20.0)) == pytest.approx(
         [20.25, 20.275, 20.3, 20.35]
     )
 

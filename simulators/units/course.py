@@ -1,0 +1,81 @@
+"""Course of the temperatures of a unit: known whenever its world was looked at, straight lines in between."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Temperatures(NamedTuple):
+    """Temperatures in °C: of a sensor, with its rate in °C/s, and of an ideal thermometer with lag at the unit.
+
+    Also of a converter board and of an ideal thermometer at it; those of a gyro have none.
+    """
+
+    sensor_c: float
+    rate_c_per_s: float
+    thermometer_c: float
+    board_c: float = 0.0
+    board_thermometer_c: float = 0.0
+
+
+class Course:
+    """Temperatures over true time, from those at time 0; what is not needed any more must be forgotten."""
+
+    def __init__(self, start_c: float, board_c: float = 0.0) -> None:
+        self._at_s = [0.0]
+        self._known = [Temperatures(start_c, 0.0, start_c, board_c, board_c)]
+
+    def go_on(self, at_s: float, now: Temperatures) -> None:
+        """Add the temperatures at a time after the last one; at the last one they replace it."""
+        if at_s > self._at_s[-1]:
+            self._at_s.append(at_s)
+            self._known.append(now)
+        else:
+            self._known[-1] = now
+
+    def forget(self, before_s: float) -> None:
+        """Discard what is not needed for times from `before_s` on."""
+        passed = bisect_right(self._at_s, before_s) - 1
+        if passed > 0:
+            del self._at_s[:passed], self._known[:passed]
+
+    def corners_s(self, begin_s: float, end_s: float) -> Array:
+        """Both times, and between them those at which a straight line ends."""
+        first, last = bisect_right(self._at_s, begin_s), bisect_left(self._at_s, end_s)
+        return np.array([begin_s, *self._at_s[first:last], end_s])
+
+    def sensor_c(self, at_s: Array) -> Array:
+        """Temperature of the sensor at times."""
+        return np.interp(at_s, self._at_s, [each.sensor_c for each in self._known])
+
+    def rate_c_per_s(self, at_s: Array) -> Array:
+        """Rate of that temperature."""
+        return np.interp(at_s, self._at_s, [each.rate_c_per_s for each in self._known])
+
+    def thermometer_c(self, at_s: Array) -> Array:
+        """Temperature of an ideal thermometer with lag at the unit."""
+        return np.interp(at_s, self._at_s, [each.thermometer_c for each in self._known])
+
+    def board_c(self, at_s: Array) -> Array:
+        """Temperature of the converter."""
+        return np.interp(at_s, self._at_s, [each.board_c for each in self._known])
+
+    def board_thermometer_c(self, at_s: Array) -> Array:
+        """Temperature of an ideal thermometer with lag at the converter."""
+        return np.interp(at_s, self._at_s, [each.board_thermometer_c for each in self._known])
+
+
+def straight(corners_s: Array, values: Array, at_s: Array) -> Array:
+    """Rows of values (c, k) at the corners (k,), interpolated at times (n,) between the first and the last: (c, n)."""
+    piece = np.searchsorted(corners_s[1:-1], at_s, side="right")
+    part = (at_s - corners_s.take(piece)) / np.diff(corners_s).take(piece)
+    found = np.diff(values).take(piece, axis=1)
+    found *= part
+    found += values.take(piece, axis=1)
+    return found
