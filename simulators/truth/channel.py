@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from simulators.truth.constants import Orientation, gravity_in_unit
 from simulators.units.accelerometer import Through, UnitTruth
+from simulators.units.imu import ImuState
 from simulators.units.imu_temperatures import CHANNELS
 from simulators.units.unit_temperatures import Board
 from simulators.world import World
@@ -75,24 +76,23 @@ class _Channel:
 def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
     if level.place in world.units:
         unit = world.units[level.place]
-        history = np.array(unit.board.history)
+        history = unit.board.history.rows
         along, output, pendulous = gravity_in_unit(world, unit, level.orientation)
         force_g = np.array([along, pendulous, output])
         return _Channel(unit.truth, (history[:, 0], history[:, -1]), unit.settings.through, force_g)
     imu = world.imus[level.place]
     axis = CHANNELS.index(level.sensor)
-    at_s = np.array([state.true_s for state in imu.history])
-    drifted_g = np.array([state.accelerometers_g[axis] for state in imu.history])
+    known = ImuState.of(imu.history)
     upward = gravity_in_unit(world, imu, level.orientation)
     force_g = np.roll(upward, -axis)  # its pendulous and output axes are the next two
     through = imu.settings.decodings.get(level.sensor)
-    return _Channel(imu.truth.accelerometers[axis], (at_s, drifted_g), through, force_g)
+    return _Channel(imu.truth.accelerometers[axis], (known.true_s, known.accelerometers_g[axis]), through, force_g)
 
 
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     channel = _channel_of(world, level)
     at_s = np.arange(world.true_time(level.begin_s), world.true_time(level.end_s), EVERY_S)
-    history = np.array(_board_of(world, level.place).history)
+    history = _board_of(world, level.place).history.rows
     board_c, thermometer_c, sensor_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:4])
     input_a = level.source_a
     if input_a is None:

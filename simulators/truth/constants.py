@@ -111,7 +111,8 @@ def turning_record(world: World, turns: Sequence[LegAsMeasured]) -> dict[str, An
     found: dict[str, dict[str, float]] = {}
     for turn in turns:
         if turn.place in world.gyros:
-            history = np.array(sorted(world.gyros[turn.place].history))
+            history = world.gyros[turn.place].history.rows
+            history = history[history[:, 0].argsort(kind="stable")]
             true_s = world.true_time((turn.begin_s + turn.end_s) / 2)
             found.setdefault(turn.place, {})[turn.key] = float(np.interp(true_s, history[:, 0], history[:, 1]))
     return {"gyros_c": found} if found else {}
@@ -214,10 +215,10 @@ def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[s
     """State and constants of a unit in the middle of a dwell, with the further terms `extra`."""
     unit, settings = world.units[dwell.place], world.settings
     true_s = world.true_time(dwell.at_s)
-    history = np.array(unit.history)
+    history = unit.history.rows
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1] - history[:, -1]))
     each_s = [world.true_time(at_s) for at_s in dwell.each_s]
-    by_input_g = np.interp(each_s, history[:, 0], history[:, -1]).tolist() if any(history[:, -1]) else []
+    by_input_g = np.interp(each_s, history[:, 0], history[:, -1]).tolist() if history[:, -1].any() else []
     stepped = {name: float(np.interp(true_s, history[:, 0], history[:, column])) for name, column in STEPPED.items()}
     force_g = np.array(_forces_g(world, dwell))
     constants = channel_constants(
@@ -260,7 +261,7 @@ def noiseless_output(world: World, reading: LegAsMeasured) -> float:
     """Output of the noiseless channel in the middle of a reading, in the attitude stated by the bench."""
     unit = world.units[reading.place]
     true_s = world.true_time((reading.begin_s + reading.end_s) / 2)
-    history = np.array(unit.history)
+    history = unit.history.rows
     drifted_g, moving_g, sensor_c = (np.interp([true_s], history[:, 0], row) for row in history.T[1:4])
     along, across, pendulous = gravity_in_unit(world, unit, reading.orientation)
     current_a = unit.truth.current_a((along, pendulous, across), sensor_c, drifted_g + moving_g)
@@ -276,7 +277,7 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     unit = world.units[leg.place]
     cut_s = np.arange(leg.begin_s + LEG_EVERY_S / 2, leg.end_s - LEG_EVERY_S / 2 - LAST_LATCH_S, LEG_EVERY_S)
     at_s = np.array([world.true_time(each_s) for each_s in cut_s.tolist()])
-    history = np.array(unit.history)
+    history = unit.history.rows
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:5])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.orientation)))
     through = unit.settings.through

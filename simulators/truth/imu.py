@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from simulators.units.imu import ImuState
 from simulators.world import World
 
 
@@ -42,10 +43,7 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
 def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
     """Drift of the biases in the middle of each window, and temperatures of the sensors."""
     names = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
-    known = {
-        place: {name: np.array([getattr(state, name) for state in imu.history]).T for name in ("true_s", *names)}
-        for place, imu in world.imus.items()
-    }
+    known = {place: ImuState.of(imu.history)._asdict() for place, imu in world.imus.items()}
     found = {}
     for window in (each for each in windows if each.place in world.imus):
         of_unit, true_s = known[window.place], world.true_time(window.at_s)

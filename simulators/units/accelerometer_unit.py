@@ -14,6 +14,7 @@ from simulators.physics.dynamics import POINTS, Follower, look_at_s
 from simulators.physics.input_hysteresis import InputHysteresis, Play
 from simulators.physics.noise import Noise
 from simulators.units.accelerometer import Hysteresis, Sent, UnitTruth, draw_unit, noise_of
+from simulators.units.history import History
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
 from simulators.units.unit_file import UnitFile, stream
@@ -27,20 +28,20 @@ HYSTERESIS_STEP_S = 1.0  # time step of temperature, independent of the length o
 
 
 class UnitState(NamedTuple):
-    """State of a unit at a true time: bias from hysteresis, drift and warm-up, and from the rate of temperature.
+    """State of a unit at true times: bias from hysteresis, drift and warm-up, and from the rate of temperature.
 
     Also the temperatures of its sensor and of an ideal thermometer, the steps of bias and scale factor (relative) by
     the last power-on, and the bias from the history of its input.
     """
 
-    true_s: float
-    drifted_g: float
-    moving_g: float
-    sensor_c: float
-    thermometer_c: float
-    turned_on_g: float
-    turned_on_scale: float
-    by_input_g: float
+    true_s: Array
+    drifted_g: Array
+    moving_g: Array
+    sensor_c: Array
+    thermometer_c: Array
+    turned_on_g: Array
+    turned_on_scale: Array
+    by_input_g: Array
 
 
 class SimulatedUnit:
@@ -68,7 +69,7 @@ class SimulatedUnit:
         self.board = Board(self.temperatures)
         self._hysteresis_g = 0.0  # at the end of the last block
         self.powered_at_s: float | None = None
-        self.history: list[UnitState] = []
+        self.history = History(len(UnitState._fields))
         self.input: Input = "accelerometer"
 
     def _input_play(self) -> InputHysteresis:
@@ -146,9 +147,9 @@ class SimulatedUnit:
         temperature, corners_s = course.sensor_c(middle), course.corners_s(begin_s, end_s)
         seconds_s, hysteresis_g = self._followed_g(begin_s, end_s)
         bias_g = np.interp(middle, seconds_s, hysteresis_g) + self.truth.kd * course.rate_c_per_s(middle)
-        states = self._states(corners_s[1:], np.interp(corners_s[1:], seconds_s, hysteresis_g))
-        self.history += states
-        board_c = self.board.followed_c(corners_s, middle, np.array([each.drifted_g for each in states]))
+        state = self._state(corners_s[1:], np.interp(corners_s[1:], seconds_s, hysteresis_g))
+        self.history.go_on(*state)
+        board_c = self.board.followed_c(corners_s, middle, state.drifted_g)
         if self.powered_at_s is None:
             return np.zeros_like(middle), board_c
         noise_g = self._noise.mean(interval)
@@ -179,18 +180,18 @@ class SimulatedUnit:
         """
         hysteresis_g = self._hysteresis.bias_g(self.temperatures.sensor_c)
         now_s = self._world.thermal.now_s
-        (state,) = self._states(np.array([now_s]), np.array([hysteresis_g]))
+        state = self._state(np.array([now_s]), np.array([hysteresis_g]))
         if not self.settings.channel:  # only this object keeps its history
             self.temperatures.course.forget(now_s)
-            self.history.append(state)
-        board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, state.drifted_g)
+            self.history.go_on(*state)
+        board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, float(state.drifted_g[0]))
         if self.powered_at_s is None:
             return 0.0
         edges_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / LOOK_S))
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         since_s = middle - now_s
         temperature = self.temperatures.sensor_c + since_s * self.temperatures.sensor_rate_c_per_s
-        bias_g = hysteresis_g + state.moving_g
+        bias_g = hysteresis_g + float(state.moving_g[0])
         current_a = self._current_a(middle, temperature, bias_g, noise.mean(interval))
         if self.input == "source":
             current_a = self._world.source_a(self.settings.source, middle)
@@ -200,14 +201,14 @@ class SimulatedUnit:
         """An independent copy of its noise, so that the readings of one observer do not affect those of another."""
         return noise_of(self.truth, self._world.settings.seed, f"{self.place}/{name}")
 
-    def _states(self, at_s: Array, hysteresis_g: Array) -> list[UnitState]:
-        """States at times for the bias from hysteresis at these."""
+    def _state(self, at_s: Array, hysteresis_g: Array) -> UnitState:
+        """State at times for the bias from hysteresis at these."""
         course, by_input_g = self.temperatures.course, self._by_input_g(at_s)
         drifted_g = hysteresis_g + by_input_g + self._slow_bias_g(at_s)
         moving_g = self.truth.kd * course.rate_c_per_s(at_s)
         stepped = np.full_like(at_s, self._turned_on_g), np.full_like(at_s, self._turned_on_scale)
-        columns = at_s, drifted_g, moving_g, course.sensor_c(at_s), course.thermometer_c(at_s), *stepped, by_input_g
-        return list(map(UnitState, *(column.tolist() for column in columns)))
+        warm_c = course.sensor_c(at_s), course.thermometer_c(at_s)
+        return UnitState(at_s, drifted_g, moving_g, *warm_c, *stepped, by_input_g)
 
     def _current_a(self, at_s: Array, temperature_c: Array, bias_g: Array | float, noise_g: Array) -> Array:
         drifting = self._slow_bias_g(at_s) + bias_g

@@ -15,6 +15,7 @@ from simulators.physics.noise import Noise
 from simulators.units.accelerometer import Sent
 from simulators.units.gyro import GyroTruth, Vectors, draw_gyro, noise_of_gyro
 from simulators.units.gyro_file import GyroFile
+from simulators.units.history import History
 from simulators.units.sensor_temperatures import SensorTemperatures
 from simulators.units.settings import WorldSettings
 from simulators.units.surroundings import Surroundings
@@ -63,7 +64,7 @@ class SimulatedGyro:
             stream(settings.seed, "noise", place, "thermometer"), settings.run_s,
         )  # fmt: skip
         self.powered_at_s: float | None = None
-        self.history: list[tuple[float, float]] = []  # true time, temperature of the sensor
+        self.history = History(2)  # true time, temperature of the sensor
 
     @property
     def sent(self) -> Sent:
@@ -105,7 +106,7 @@ class SimulatedGyro:
         course, begin_s, end_s = self.temperatures.course, float(np.min(at_s)), float(np.max(at_s))
         course.forget(begin_s)
         corners_s = course.corners_s(begin_s, end_s)[1:]
-        self.history += zip(corners_s.tolist(), course.sensor_c(corners_s).tolist(), strict=True)
+        self.history.go_on(corners_s, course.sensor_c(corners_s))
         sensor_c = course.sensor_c(at_s)
         return self.truth.output_pps(rate_dps, force_g, sensor_c, noise_dps)
 

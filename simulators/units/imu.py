@@ -23,6 +23,7 @@ from simulators.units.accelerometer import Hysteresis, Sent, noise_of
 from simulators.units.accelerometer_unit import Input
 from simulators.units.course import straight
 from simulators.units.gyro import noise_of_gyro
+from simulators.units.history import History
 from simulators.units.imu_drawn import draw_imu, stacked
 from simulators.units.imu_file import NAMES, ImuFile
 from simulators.units.imu_on_table import SensorsOnTable, is_on_table
@@ -39,16 +40,22 @@ Components = tuple[Array, Array, Array]
 
 
 class ImuState(NamedTuple):
-    """State of a unit at a true time: contributions of hysteresis, drift and warm-up to the biases of x, y and z.
+    """State of a unit at true times (k,): contributions of hysteresis, drift and warm-up to the biases of x, y and z.
 
     Also those of the rate of temperature to the accelerometers, and the temperatures of its sensors, by CHANNELS.
     """
 
-    true_s: float
-    accelerometers_g: tuple[float, ...]
-    gyros_dps: tuple[float, ...]
-    moving_g: tuple[float, ...]
-    sensors_c: tuple[float, ...]
+    true_s: Array
+    accelerometers_g: Array
+    gyros_dps: Array
+    moving_g: Array
+    sensors_c: Array
+
+    @classmethod
+    def of(cls, history: History) -> ImuState:
+        """All that a unit has been."""
+        true_s, *others = np.split(history.rows.T, np.cumsum([1, *(len(NAMES),) * 3]))
+        return cls(true_s[0], *others)
 
 
 class SimulatedImu:
@@ -94,7 +101,7 @@ class SimulatedImu:
         self._turning: tuple[Array, Array, Array] | None = None  # up, earth rate, axis of rotation
         self.faults = FaultPlan(now_s=world.now)
         self.powered_at_s: float | None = None
-        self.history: list[ImuState] = []
+        self.history = History(1 + 3 * len(NAMES) + len(CHANNELS))  # an ImuState in each row
 
     @staticmethod
     def physics(unit: ImuFile, thermometer_s: float) -> tuple[UnitPhysics, UnitPhysics]:
@@ -230,8 +237,8 @@ class SimulatedImu:
         drift_g, drift_dps = self._drifts(corners_s)
         drift_g = drift_g + hysteresis_g
         moving_g = self._accelerometers.kd * self.temperatures.rates_c_per_s(corners_s)
-        reached = (each[:, 1:].T.tolist() for each in (drift_g, drift_dps, moving_g, sensors_c))
-        self.history += map(ImuState, corners_s[1:].tolist(), *(map(tuple, rows) for rows in reached))
+        state = ImuState(corners_s, drift_g, drift_dps, moving_g, sensors_c)
+        self.history.go_on(*np.vstack(state)[:, 1:])
         return np.concatenate([drift_g + moving_g, drift_dps]), sensors_c
 
     def _drifts(self, true_s: Array) -> tuple[Array, Array]:

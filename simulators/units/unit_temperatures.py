@@ -14,6 +14,7 @@ from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.corrections import Table, read_of
 from simulators.physics.thermal import Thermal
 from simulators.units.course import Course, Temperatures
+from simulators.units.history import History
 from simulators.units.unit_file import ThermostatModel, UnitFile
 
 Array = NDArray[np.float64]
@@ -81,16 +82,16 @@ class UnitTemperatures:
 
 
 class BoardState(NamedTuple):
-    """A converter in the chamber at a true time: temperatures of board, ideal thermometer and the unit's sensor.
+    """A converter in the chamber at true times: temperatures of board, ideal thermometer and the unit's sensor.
 
     Also the drifting part of the unit's bias.
     """
 
-    true_s: float
-    board_c: float
-    thermometer_c: float
-    sensor_c: float
-    drifted_g: float
+    true_s: Array
+    board_c: Array
+    thermometer_c: Array
+    sensor_c: Array
+    drifted_g: Array
 
 
 class Board:
@@ -98,7 +99,7 @@ class Board:
 
     def __init__(self, temperatures: UnitTemperatures) -> None:
         self._temperatures = temperatures
-        self.history: list[BoardState] = []
+        self.history = History(len(BoardState._fields))
 
     def followed_c(self, corners_s: Array, at_s: Array, drifted_g: Array) -> Array | None:
         """Temperatures at times; None outside the chamber. The history goes on from the first corner to the last."""
@@ -106,8 +107,7 @@ class Board:
             return None
         course, reached_s = self._temperatures.course, corners_s[1:]
         known = course.board_c(reached_s), course.board_thermometer_c(reached_s), course.sensor_c(reached_s)
-        columns = (reached_s, *known, np.broadcast_to(drifted_g, reached_s.shape))
-        self.history += map(BoardState, *(column.tolist() for column in columns))
+        self.history.go_on(*BoardState(reached_s, *known, np.broadcast_to(drifted_g, reached_s.shape)))
         return course.board_c(at_s)
 
     def just_before_c(self, now_s: float, before_s: float, drifted_g: float) -> Array | None:
@@ -116,9 +116,8 @@ class Board:
             return None
         temperatures = self._temperatures
         board_c = temperatures.board_c
-        self.history.append(
-            BoardState(now_s, board_c, temperatures.board_thermometer_c, temperatures.sensor_c, drifted_g)
-        )
+        now = now_s, board_c, temperatures.board_thermometer_c, temperatures.sensor_c, drifted_g
+        self.history.go_on(*BoardState(*(np.array([each]) for each in now)))
         return np.asarray(board_c - temperatures.board_rate_c_per_s * before_s)
 
 

@@ -102,8 +102,8 @@ def test_a_board_was_a_moment_ago_where_its_rate_says_however_long_nobody_looked
     ramped.advance(3600.0)
     rate = 25 / 3600
     assert board.just_before_c(3600.0, 1.0, 0.0) == pytest.approx(ramped.board_c(0) - rate, abs=1e-6)
-    (state,) = board.history
-    assert (state.true_s, state.board_c) == (3600.0, ramped.board_c(0))
+    (state,) = board.history.rows.tolist()
+    assert state[:2] == [3600.0, ramped.board_c(0)]
 
 
 def test_a_source_drifts_faster_until_it_is_warm_and_not_at_zero():

@@ -16,6 +16,7 @@ from drivers.errors import LinkLost
 from simulators.faults.instrument_faults import FaultPlan
 from simulators.physics.motion import AxisErrors
 from simulators.units.accelerometer import UnitTruth
+from simulators.units.imu import ImuState
 from simulators.units.unit_temperatures import ThermometerErrors
 from tests.support.laboratory import ARCSEC_DEG, ROOT, Laboratory, counter_form, place, unit
 from tests.support.planar import planar
@@ -425,8 +426,8 @@ def test_temperatures_of_frames_left_for_a_minute_are_those_of_frames_taken_ever
         lab.world.ramp(50.0, 3 / 60)
         for clock_s[0] in range(every_s, 1200 + 1, every_s):
             node.take()
-        at_s, found_c = zip(*((each.true_s, each.sensors_c) for each in imu.history), strict=True)
-        return np.concatenate([np.interp(range(1200), at_s, course_c) for course_c in zip(*found_c, strict=True)])
+        known = ImuState.of(imu.history)
+        return np.concatenate([np.interp(range(1200), known.true_s, course_c) for course_c in known.sensors_c])
 
     assert sensors_c(60) == pytest.approx(sensors_c(2), abs=0.001)
 
