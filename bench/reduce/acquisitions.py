@@ -53,20 +53,24 @@ def acquisitions(
     Raw data except for the given corrections; `windows` replace counts.
     """
     sent = _Sent(decoders_of(bench.devices, reader.folder), corrections, windows)
-    temperatures = {name: corrections.temperatures(reader.series(name)) for name in dict.fromkeys(thermometers)}
+    acquired = list(_acquired(reader, bench, label))
+    spans_s = [_span_s(event) for event, _, _ in acquired]
+    temperatures = {
+        name: corrections.temperatures(reader.series(name, spans_s)) for name in dict.fromkeys(thermometers)
+    }
     samples = reader.samples_by_step()
     completed = {}
-    for event, dwell, state in _acquired(reader, bench, label):
+    for event, dwell, state in acquired:
         read = {role: each.T for role, each in samples.get(event.step, {}).items()}
         through = {role: Currents(*read.pop(role)) for role in bench.with_capability("ammeter") if role in read}
-        acquired = replace(
+        without_output = replace(
             _acquisition(event, dwell, state, temperatures),
             angles_deg={role: corrections.angle_deg(role, at_deg) for role, at_deg in state.angles_deg.items()},
             sources_a={role: corrections.current_a(role, read_a) for role, read_a in state.sources_a.items()},
             voltages={role: corrections.voltages(role, Voltages(*each)) for role, each in read.items()},
             currents={role: corrections.measured(role, each) for role, each in through.items()},
         )
-        completed[event.step] = partial(sent.during, acquired)
+        completed[event.step] = partial(sent.during, without_output)
     yield from reader.of_steps(completed)
 
 
@@ -285,9 +289,13 @@ def _turned(event: Event, motion: Motion | None) -> Turned | None:
     return Turned(axis=str(course["of"]), command_dps=motion.rate_dps, **ends)
 
 
+def _span_s(event: Event) -> tuple[float, float]:
+    return float(event.data["begin_s"]), float(event.data["end_s"])
+
+
 def _acquisition(event: Event, dwell: str, state: _BenchState, temperatures: Mapping[str, Series]) -> Acquisition:
     """An acquisition without its output data."""
-    begin_s, end_s = float(event.data["begin_s"]), float(event.data["end_s"])
+    begin_s, end_s = _span_s(event)
     meanwhile = {name: series.between(begin_s, end_s) for name, series in temperatures.items()}
     return Acquisition(
         step=event.step,

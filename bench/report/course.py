@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from itertools import cycle
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from bench.figures.languages import tr
 from bench.figures.plots import Plot, TimeOfRun
@@ -19,8 +17,6 @@ from bench.reduce.spans import Span, spans_of
 from bench.reduce.stored_run import StoredRun
 from bench.sequence.method import known_methods
 from bench.store.reader import Event, Series
-
-Array = NDArray[np.float64]
 
 BINS = 1000  # over the width of the page; more cannot be distinguished
 CHARACTER = 0.0095  # width of a character of a name, relative to that of the strip
@@ -48,23 +44,6 @@ class Course:
     dwells: tuple[Span, ...]
     acquisitions: tuple[Span, ...]
     incident_s: float | None
-
-
-def envelope(at_s: Array, values: Array, bins: int = BINS) -> tuple[Array, Array]:
-    """Smallest and largest value of a series (n,) in each of `bins` equal times; a gap in time is a NaN.
-
-    Peaks narrower than a bin keep their height. A short series is returned unchanged.
-    """
-    if len(at_s) <= 2 * bins:
-        return at_s, values
-    edges_s = np.linspace(at_s[0], at_s[-1], bins + 1)
-    starts = np.searchsorted(at_s, edges_s[:-1])
-    filled = np.diff(starts, append=len(at_s)) > 0
-    extremes = np.full((bins, 2), np.nan)
-    extremes[filled, 0] = np.minimum.reduceat(values, starts[filled])
-    extremes[filled, 1] = np.maximum.reduceat(values, starts[filled])
-    middle_s = (edges_s[:-1] + edges_s[1:]) / 2
-    return np.repeat(middle_s, 2), extremes.ravel()
 
 
 def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
@@ -107,8 +86,7 @@ def course_plot(run: StoredRun, course: Course) -> Plot | None:
     figure = new_figure(3.5, top_in=0.07, bottom_in=0.67)
     strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=[1, 10], gridspec_kw={"hspace": 0.05})
     for line in lines:
-        at_s, values = envelope(line.series.at_s, line.series.values)
-        axes.plot(over_run.at(at_s), values, label=line.name, **line.style)
+        axes.plot(over_run.at(line.series.at_s), line.series.values, label=line.name, **line.style)
     _draw_phases(strip, course, unit_s)
     _draw_measuring(axes, course, unit_s)
     axes.set(ylabel=tr("temperature / °C"))
@@ -137,10 +115,10 @@ def _lines(run: StoredRun) -> Iterator[_Line]:
         for channel, unit in sorted(run.bench.devices[role].channels.items(), reverse=True):
             if unit == "°C":
                 name, style = CHAMBER.get(channel, (channel.replace("_", " "), {}))
-                yield _Line(f"{role}{tr(': ')}{tr(name)}", run.reader.series(f"{role}.{channel}"), style)
+                yield _Line(f"{role}{tr(': ')}{tr(name)}", run.reader.envelope(f"{role}.{channel}", BINS), style)
     thermometers = dict.fromkeys(run.bench.places[place].temperature for place in run.serials)
     for name, colour in zip(thermometers, cycle(COLOURS), strict=False):
-        yield _Line(tr(name.replace("_", " ")), run.reader.series(name), {"color": colour})
+        yield _Line(tr(name.replace("_", " ")), run.reader.envelope(name, BINS), {"color": colour})
 
 
 def _draw_phases(strip: Axes, course: Course, unit_s: float) -> None:

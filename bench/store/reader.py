@@ -6,7 +6,7 @@ import json
 import sqlite3
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,14 +21,16 @@ from bench.store import database
 from bench.store.chain import ChainCheck, check_rows
 from bench.store.digest import Digest
 from bench.store.encoded import encoded
+from bench.store.envelope import envelope
 from drivers.can.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # unpacked while the consumer works on one
 BATCH_ROWS = 10_000
+ROUNDING_S = 1e-9
 STEPS_AHEAD = 2  # steps whose blocks are unpacked ahead
-_READING = np.dtype([("at_s", np.float64), ("value", np.float64)])
 _BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
 _READINGS = "SELECT at_s, value FROM reading WHERE channel = ? ORDER BY seq"
+_SPAN_OF_READINGS = "SELECT COUNT(*), MIN(at_s), MAX(at_s) FROM reading WHERE channel = ?"
 _SEQS_OF_STEPS = "SELECT step, MIN(seq), MAX(seq) FROM block GROUP BY step ORDER BY MIN(seq)"
 _BLOCKS_OF_STEP = "SELECT stream, data, frames, crc FROM block WHERE step = ? AND seq BETWEEN ? AND ? ORDER BY seq"
 
@@ -60,7 +62,7 @@ class Series:
 
     def between(self, begin_s: float, end_s: float) -> Series:
         """Return the part from `begin_s` to `end_s`, both included."""
-        low, high = bisect_left(self.at_s, begin_s), bisect_left(self.at_s, end_s + 1e-9)
+        low, high = bisect_left(self.at_s, begin_s), bisect_left(self.at_s, end_s + ROUNDING_S)
         return Series(self.name, self.unit, self.at_s[low:high], self.values[low:high])
 
 
@@ -70,7 +72,6 @@ class RunReader:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.open_to_read(folder / database.FILE_NAME)
-        self._series: dict[str, Series] = {}  # cache
         self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib releases the GIL
 
     def __enter__(self) -> Self:
@@ -185,13 +186,36 @@ class RunReader:
         """Return the units of all recorded channels, by name."""
         return dict(self._rows("SELECT name, unit FROM channel ORDER BY id"))
 
-    def series(self, name: str) -> Series:
-        """Return the readings of one channel, cached at the first call; empty if the channel has none."""
-        if name not in self._series:
-            number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
-            read = np.fromiter(self._rows(_READINGS, number), _READING)
-            self._series[name] = Series(name, unit, read["at_s"].copy(), read["value"].copy())
-        return self._series[name]
+    def series(self, name: str, within: Sequence[tuple[float, float]] | None = None) -> Series:
+        """Return the readings of one channel; empty if it has none.
+
+        With `within` only those in one of these spans from begin to end, so that memory does not grow with the run.
+        """
+        number, unit = self._channel(name)
+        parts = [part if within is None else _inside(part, within) for part in self._parts(number)]
+        at_s, values = np.concatenate([np.empty((0, 2)), *parts]).T.copy()
+        return Series(name, unit, at_s, values)
+
+    def envelope(self, name: str, bins: int) -> Series:
+        """Return the lowest and the highest reading of a channel in each of `bins` equal times, as `envelope`.
+
+        Up to two readings for each bin are returned unchanged.
+        """
+        number, unit = self._channel(name)
+        count, *span_s = next(self._rows(_SPAN_OF_READINGS, number))
+        if count <= 2 * bins:
+            return self.series(name)
+        return Series(name, unit, *envelope(self._parts(number), (span_s[0], span_s[1]), bins))
+
+    def _channel(self, name: str) -> tuple[int, str]:
+        """Number and unit of a channel; 0 if there is none."""
+        number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
+        return number, unit
+
+    def _parts(self, number: int) -> Iterator[NDArray[np.float64]]:
+        """Yield the readings of a channel in order, times and values (n, 2)."""
+        for rows in self._batches(_READINGS, number):
+            yield np.array(rows, np.float64)
 
     def check_chain(self) -> ChainCheck:
         """Check every row of the run against its hash chain."""
@@ -223,6 +247,14 @@ class RunReader:
                 for rows in self._batches(f"SELECT * FROM {table} ORDER BY 1"):  # noqa: S608  the names are our own
                     digest.rows(table, self._encoded(table, rows))
         return digest.hexdigest()
+
+
+def _inside(part: NDArray[np.float64], spans: Sequence[tuple[float, float]]) -> NDArray[np.float64]:
+    """Rows of times and values (n, 2) whose times are in one of the spans, which may overlap."""
+    begins_s, ends_s = np.array(sorted(spans), np.float64).reshape(-1, 2).T
+    reaches_s = np.concatenate([[-np.inf], np.maximum.accumulate(ends_s) + ROUNDING_S])
+    begun = np.searchsorted(begins_s, part[:, 0], side="right")
+    return part[part[:, 0] < reaches_s[begun]]
 
 
 def digest_of(folder: Path) -> str:

@@ -19,21 +19,22 @@ from tests.support.flags import texts
 from tests.support.runs import SHORT
 
 SEEDS = (1, 2)
+OF_NOISE = (1, 2, 3, 4)  # two of them may be small by chance
 SETTLED = ("temperatures=[20 °C, 20 °C, 20 °C]", "soak=30 min")  # warm, and at rest: only noise is left
 
 
-def runs(tmp_path_factory, bench, settings):
+def runs(tmp_path_factory, bench, settings, seeds=SEEDS):
     folder = tmp_path_factory.mktemp("truth")
     path = bench(folder / "config")
     return [
         run_one(RunRequest("tumble_static", bench=str(path), seed=seed, settings=settings, runs=folder / "runs"))
-        for seed in SEEDS
+        for seed in seeds
     ]
 
 
 @pytest.fixture(scope="module")
 def perfect_runs(tmp_path_factory):
-    return runs(tmp_path_factory, perfect_bench, SETTLED)
+    return runs(tmp_path_factory, perfect_bench, SETTLED, OF_NOISE)
 
 
 def test_on_a_perfect_bench_errors_are_as_large_as_their_uncertainties(perfect_runs):

@@ -21,12 +21,13 @@ from bench.metrology.results.flag import Flag
 from bench.reduce.journal import Measurement
 from bench.reduce.spans import Span
 from bench.reduce.stored_run import open_run
-from bench.report.course import BINS, Course, _draw_phases, envelope
+from bench.report.course import BINS, Course, _draw_phases
 from bench.report.flag_words import flag_in_words
 from bench.report.page import simulated
 from bench.report.terminal import results_text
 from bench.report.write import write_report
 from bench.runner.quiet import Quiet
+from bench.store.envelope import envelope
 from tests.support.runs import ROOT, copy_bench, read_json, run_short, sealed_anew
 from tests.support.shared_runs import SMOKE
 
@@ -425,7 +426,8 @@ def test_a_spike_of_one_sample_survives_the_reduction_of_a_curve():
     at_s = np.arange(100_000.0)
     values = np.sin(at_s / 9000)
     values[[0, 54_321, 99_999]] = -3.0, 7.0, 5.0
-    reduced_s, reduced = envelope(at_s, values)
+    parts = np.array_split(np.stack([at_s, values], axis=-1), 7)
+    reduced_s, reduced = envelope(parts, (at_s[0], at_s[-1]), BINS)
     assert len(reduced) == len(reduced_s) == 2 * BINS
     assert reduced[0] == -3.0
     assert reduced.max() == 7.0
@@ -435,15 +437,10 @@ def test_a_spike_of_one_sample_survives_the_reduction_of_a_curve():
 
 def test_a_gap_in_time_is_a_gap_in_the_curve():
     at_s = np.concatenate([np.arange(5000.0), np.arange(20_000.0, 25_000.0)])
-    reduced_s, reduced = envelope(at_s, np.ones_like(at_s))
+    reduced_s, reduced = envelope([np.stack([at_s, np.ones_like(at_s)], axis=-1)], (at_s[0], at_s[-1]), BINS)
     missing = reduced_s[np.isnan(reduced)]
     assert 4999 < missing.min() < 5100
     assert 19_900 < missing.max() < 20_000
-
-
-def test_a_short_series_is_drawn_as_it_is():
-    at_s = np.arange(5.0)
-    assert envelope(at_s, at_s**2)[1].tolist() == [0, 1, 4, 9, 16]
 
 
 def test_columns_of_words_stand_at_the_left_and_those_of_numbers_at_the_right():

@@ -74,7 +74,10 @@ def test_what_was_written_is_read_back(tmp_path):
         series = reader.series("air")
         assert (series.unit, series.at_s.tolist(), series.values.tolist()) == ("°C", [1.0, 2.0], [20.5, 20.25])
         assert series.between(1.5, 2.0).values.tolist() == [20.25]
-        assert len(reader.series("nobody").values) == 0
+        assert reader.series("air", [(1.5, 1.75), (1.6, 2.0)]).values.tolist() == [20.25]
+        assert reader.series("air", []).values.tolist() == []
+        assert reader.envelope("air", 1).values.tolist() == [20.5, 20.25], "a short one as it is"
+        assert len(reader.series("nobody").values) == len(reader.envelope("nobody", 1).values) == 0
         samples = reader.samples_by_step()
         assert {step: read["dvm"].tolist() for step, read in samples.items()} == {
             "steps/a": [[1.0, 1.1], [2.0, 1.2]], "steps/b": [[3.0, 1.3]],
