@@ -1,0 +1,49 @@
+"""P10: the report of an inertial unit over temperature, as a page and as PDF; no program is its peer."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench.app.execute import execute
+from bench.app.request import RunRequest, prepare
+from bench.runner.quiet import Quiet
+from benchmarks.compared import Row, Side, in_turn
+
+BENCH = Path(__file__).parents[2] / "config" / "imu.yaml"
+GOALS_S = {"html": 2.0, "pdf": 8.0}
+WRITE = """
+import sys, time
+from pathlib import Path
+began_s = time.process_time()
+from bench.reduce.stored_run import open_run
+from bench.report.write import write_report
+with open_run(Path(sys.argv[1])) as run:
+    write_report(run, sys.argv[2], out=Path(sys.argv[3]))
+print(time.process_time() - began_s)
+"""
+
+
+def measure(whole: bool) -> Iterator[Row]:
+    """Processor seconds of a process that reads the record of a night, reduces it and writes."""
+    preset, night = (None, "the whole night") if whole else ("quick", "the night of the preset quick")
+    with tempfile.TemporaryDirectory() as folder:
+        request = RunRequest("imu_24_position", bench=str(BENCH), preset=preset, runs=Path(folder))
+        result = execute(prepare(request), Quiet())
+        run = next(each for each in Path(folder).iterdir() if each.is_dir())
+        if result.outcome.how != "completed":
+            raise RuntimeError("\n".join(result.problems))
+        found = in_turn({form: lambda form=form: written_s(run, form) for form in GOALS_S})  # type: ignore[misc]  # mypy knows no default of a lambda
+    for form, goal_s in GOALS_S.items():
+        side = Side("this program", "replaced as a whole", found[form])
+        work = f"report of an inertial unit as {form}, {night}"
+        yield Row("P10", work, "s of a processor", side, (), "", f"≤ {goal_s:g} s", side.value <= goal_s)
+
+
+def written_s(run: Path, form: str) -> float:
+    """Processor seconds of a process that writes the report beside the run."""
+    command = [sys.executable, "-c", WRITE, run, form, run.parent / f"report.{form}"]
+    return float(subprocess.run(command, check=True, text=True, capture_output=True).stdout)
