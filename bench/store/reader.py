@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -26,8 +27,10 @@ from drivers.can.frame_block import FrameBlock
 
 BLOCKS_AHEAD = 8  # unpacked while the consumer works on one
 BATCH_ROWS = 10_000
+KEPT_READINGS = 300_000  # of a channel: three days at one a second, 5 MB
 ROUNDING_S = 1e-9
 STEPS_AHEAD = 2  # steps whose blocks are unpacked ahead
+_READING = np.dtype([("at_s", np.float64), ("value", np.float64)])
 _BLOCKS = "SELECT stream, step, data, frames, crc FROM block ORDER BY seq"
 _READINGS = "SELECT at_s, value FROM reading WHERE channel = ? ORDER BY seq"
 _SPAN_OF_READINGS = "SELECT COUNT(*), MIN(at_s), MAX(at_s) FROM reading WHERE channel = ?"
@@ -72,6 +75,7 @@ class RunReader:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._database = database.open_to_read(folder / database.FILE_NAME)
+        self._kept: dict[int, NDArray[np.float64]] = {}  # readings of short channels
         self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib releases the GIL
 
     def __enter__(self) -> Self:
@@ -101,9 +105,10 @@ class RunReader:
 
     def events(self, *kinds: str) -> Iterator[Event]:
         """Yield the entries of the journal in order, only those of `kinds` if any are given."""
-        for seq, at_s, kind, step, data in self._rows("SELECT seq, at_s, kind, step, data FROM journal ORDER BY seq"):
-            if not kinds or kind in kinds:
-                yield Event(seq, at_s, kind, step, self._data(seq, data))
+        chosen = f"WHERE kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
+        query = f"SELECT seq, at_s, kind, step, data FROM journal {chosen} ORDER BY seq"  # noqa: S608  only marks
+        for seq, at_s, kind, step, data in self._rows(query, *kinds):
+            yield Event(seq, at_s, kind, step, self._data(seq, data))
 
     def _data(self, seq: int, text: object) -> Mapping[str, Any]:
         try:
@@ -213,9 +218,20 @@ class RunReader:
         return number, unit
 
     def _parts(self, number: int) -> Iterator[NDArray[np.float64]]:
-        """Yield the readings of a channel in order, times and values (n, 2)."""
-        for rows in self._batches(_READINGS, number):
-            yield np.array(rows, np.float64)
+        """Yield the readings of a channel in order, times and values (n, 2); those of a short channel are kept."""
+        if (kept := self._kept.get(number)) is not None:
+            yield kept
+            return
+        parts, count = [np.empty((0, 2))], 0
+        rows = self._rows(_READINGS, number)
+        while len(read := np.fromiter(islice(rows, BATCH_ROWS), _READING)):
+            part = read.view(np.float64).reshape(-1, 2)
+            count += len(part)
+            if count <= KEPT_READINGS:
+                parts.append(part)
+            yield part
+        if count <= KEPT_READINGS:
+            self._kept[number] = np.concatenate(parts)
 
     def check_chain(self) -> ChainCheck:
         """Check every row of the run against its hash chain."""
