@@ -80,7 +80,7 @@ def chamber_temperature() -> Iterator[None]:
     """The chamber's own sensor instead of the thermometer at the unit."""
     read = rundata.RunReader.series
 
-    def mistaken(reader: rundata.RunReader, name: str) -> object:
+    def mistaken(reader: rundata.RunReader, name: str, *_within: object) -> object:
         return read(reader, "chamber.process_value")
 
     with mock.patch.object(rundata.RunReader, "series", mistaken):
