@@ -58,7 +58,7 @@ def test_errors_of_every_channel_are_as_large_as_their_uncertainties(kind, templ
 def test_the_truth_sees_a_channel_that_is_taken_for_another(template, tmp_path):
     bench = bench_with(tmp_path, "as shipped")
     honest = replayed(template, bench, 1)
-    with mock.patch.object(UnitUnderTest, "_alone", exchanged(UnitUnderTest._alone)):
+    with mock.patch.object(UnitUnderTest, "alone", exchanged(UnitUnderTest.alone)):
         mistaken = replayed(template, bench, 1)
     assert largest(honest) < 4
     assert largest(mistaken) > 100
