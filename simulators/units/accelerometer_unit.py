@@ -143,7 +143,6 @@ class SimulatedUnit:
         middle, interval = (edges_s[1:] + edges_s[:-1]) / 2, edges_s[1:] - edges_s[:-1]
         begin_s, end_s = float(edges_s[0]), float(edges_s[-1])
         course = self.temperatures.course
-        course.forget(begin_s)
         temperature, corners_s = course.sensor_c(middle), course.corners_s(begin_s, end_s)
         seconds_s, hysteresis_g = self._followed_g(begin_s, end_s)
         bias_g = np.interp(middle, seconds_s, hysteresis_g) + self.truth.kd * course.rate_c_per_s(middle)
@@ -182,7 +181,6 @@ class SimulatedUnit:
         now_s = self._world.thermal.now_s
         state = self._state(np.array([now_s]), np.array([hysteresis_g]))
         if not self.settings.channel:  # only this object keeps its history
-            self.temperatures.course.forget(now_s)
             self.history.go_on(*state)
         board_c = self.board.just_before_c(now_s, now_s - (begin_s + end_s) / 2, float(state.drifted_g[0]))
         if self.powered_at_s is None:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+KEPT_S = 120.0  # outputs and thermometers ask for times since they were read last, a minute ago at most
+
 
 class Temperatures(NamedTuple):
     """Temperatures in °C: of a sensor, with its rate in °C/s, and of an ideal thermometer with lag at the unit.
@@ -25,7 +27,7 @@ class Temperatures(NamedTuple):
 
 
 class Course:
-    """Temperatures over true time, from those at time 0; what is not needed any more must be forgotten."""
+    """Temperatures over true time for the last `KEPT_S`; those who ask for earlier ones get the earliest."""
 
     def __init__(self, start_c: float, board_c: float = 0.0) -> None:
         self._at_s = [0.0]
@@ -33,16 +35,13 @@ class Course:
 
     def go_on(self, at_s: float, now: Temperatures) -> None:
         """Add the temperatures at a time after the last one; at the last one they replace it."""
-        if at_s > self._at_s[-1]:
-            self._at_s.append(at_s)
-            self._known.append(now)
-        else:
+        if at_s <= self._at_s[-1]:
             self._known[-1] = now
-
-    def forget(self, before_s: float) -> None:
-        """Discard what is not needed for times from `before_s` on."""
-        passed = bisect_right(self._at_s, before_s) - 1
-        if passed > 0:
+            return
+        self._at_s.append(at_s)
+        self._known.append(now)
+        if at_s - self._at_s[0] > 2 * KEPT_S:
+            passed = bisect_right(self._at_s, at_s - KEPT_S) - 1
             del self._at_s[:passed], self._known[:passed]
 
     def corners_s(self, begin_s: float, end_s: float) -> Array:

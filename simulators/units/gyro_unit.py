@@ -104,7 +104,6 @@ class SimulatedGyro:
     def _output_pps(self, at_s: Array, noise_dps: Array) -> Array:
         rate_dps, force_g = self._sensed(at_s)
         course, begin_s, end_s = self.temperatures.course, float(np.min(at_s)), float(np.max(at_s))
-        course.forget(begin_s)
         corners_s = course.corners_s(begin_s, end_s)[1:]
         self.history.go_on(corners_s, course.sensor_c(corners_s))
         sensor_c = course.sensor_c(at_s)

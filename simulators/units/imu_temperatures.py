@@ -38,9 +38,7 @@ class ImuTemperatures:
         self._gyros.follow(now_s)
 
     def corners_s(self, begin_s: float, end_s: float) -> Array:
-        """Times from the begin to the end between which all temperatures are straight; earlier ones are forgotten."""
-        for course in (self._accelerometers.course, self._gyros.course):
-            course.forget(begin_s)
+        """Times from the begin to the end between which all temperatures are straight."""
         return self._accelerometers.course.corners_s(begin_s, end_s)
 
     @property
