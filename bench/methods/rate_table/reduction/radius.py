@@ -22,11 +22,13 @@ class RangeError:
     """The output at a rate less its bias less what is `true`, in the unit of the sensor.
 
     Its standard uncertainty has parts by the reading, the bias, the low readings by way of the radius, and the rate.
+    `per_bias` is its change with an error of the bias.
     """
 
     true: float
     value: float
     by_reading: float
+    per_bias: float
     by_bias: float
     by_radius: float
     by_rate: float
@@ -49,8 +51,9 @@ def gyro_error(turning: Steady, bias: Steady) -> RangeError:
     """The error of a gyro, in deg/s, against the rate of the table."""
     error_dps = turning.output - bias.output - turning.rate_dps
     return RangeError(
-        turning.rate_dps, error_dps, turning.u_output, bias.u_output, 0.0, turning.u_rate_dps, turning.dof, bias.dof
-    )
+        turning.rate_dps, error_dps, turning.u_output, 1.0, bias.u_output, 0.0, turning.u_rate_dps, turning.dof,
+        bias.dof,
+    )  # fmt: skip
 
 
 class Arm:
@@ -75,9 +78,14 @@ class Arm:
         self.u_own_m = _root_sum(*(self._weights * outputs), *(2 * self.radius_m * shares * rates))
 
     @property
+    def per_bias_m(self) -> float:
+        """Change of the radius with an error of the bias, in m/g."""
+        return abs(float(np.sum(self._weights)))
+
+    @property
     def u_bias_m(self) -> float:
         """Standard uncertainty of the radius from the bias."""
-        return abs(float(np.sum(self._weights))) * self._bias.u_output
+        return self.per_bias_m * self._bias.u_output
 
     @property
     def u_radius_m(self) -> float:
@@ -96,11 +104,13 @@ class Arm:
         """
         per_radius = float(np.radians(turning.rate_dps) ** 2 / self._g)
         true_g = per_radius * self.radius_m
+        per_bias = abs(1 - per_radius * float(np.sum(self._weights)))
         return RangeError(
             true=true_g,
             value=turning.output - self._bias.output - true_g,
             by_reading=turning.u_output,
-            by_bias=abs(1 - per_radius * float(np.sum(self._weights))) * self._bias.u_output,
+            per_bias=per_bias,
+            by_bias=per_bias * self._bias.u_output,
             by_radius=per_radius * self.u_own_m,
             by_rate=abs(2 * true_g / turning.rate_dps if turning.rate_dps else 0.0) * turning.u_rate_dps,
             reading_dof=turning.dof,

@@ -49,7 +49,7 @@ def _gyro(data: RunData, unit: UnitUnderTest, settings: Mapping[str, Any]) -> Un
         error = gyro_error(turning.steady, blocks.bias)
         lines = [
             form.noise(turning),
-            form.of_rest(blocks, 1.0),
+            *form.of_rest(blocks, 1.0),
             BudgetLine(RESOLUTION, "B", error.by_rate),
             BudgetLine(HARMONICS, "B", turning.u_harmonics_dps, None, "table.harmonics"),
             *form.of_the_voltmeter(error.true),
@@ -90,7 +90,7 @@ def _accelerometer(data: RunData, unit: UnitUnderTest, settings: Mapping[str, An
         error = arm.error(turning.steady)
         lines = [
             form.noise(turning),
-            form.of_rest(blocks, error.by_bias / blocks.bias.u_output if blocks.bias.u_output else 0.0),
+            *form.of_rest(blocks, error.per_bias),
             BudgetLine(BY_RADIUS, "A", error.by_radius, None, form.subject.id("radius")),
             BudgetLine(RESOLUTION, "B", error.by_rate),
             BudgetLine(HARMONICS, "B", abs(2 * error.true / turning.steady.rate_dps) * turning.u_harmonics_dps),
@@ -126,7 +126,7 @@ def _radius(form: RangeFindings, blocks: RangeBlocks, low: Sequence[Turning], ar
     harmonics = weights / weights.sum() * [2 * each.u_harmonics_dps / each.steady.rate_dps for each in low]
     lines = [
         BudgetLine(noise_of(form.unit, "low rates"), "A", arm.u_own_m),
-        form.of_rest(blocks, arm.u_bias_m / blocks.bias.u_output if blocks.bias.u_output else 0.0),
+        *form.of_rest(blocks, arm.per_bias_m),
         BudgetLine(HARMONICS, "B", abs(radius_m) * float(np.linalg.norm(harmonics))),
         *form.as_stated(radius_m, float(np.mean([each.temperature_c for each in low]))),
         form.data.bench.gravity(radius_m),

@@ -21,10 +21,11 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 BIAS = "readings at rest"
 TILT = "axis: level, in readings at rest at one angle"
+WOBBLE = "axis: wobble"
 WARMER = "scale factor: temperature against that at the low rates"
 BY_RADIUS = "low rates: by way of the radius"
 OTHERWISE_WARM = "scale factor: temperature against that of the curve"
-COMMON = frozenset({BIAS, BY_RADIUS, WARMER, OTHERWISE_WARM})  # one error at all points
+COMMON = frozenset({BIAS, TILT, WOBBLE, BY_RADIUS, WARMER, OTHERWISE_WARM})  # one error at all points
 TERMS = {
     "scale_error": "scale error", "asymmetry": "asymmetry · sign v", "quadratic": "quadratic · v/F",
     "cubic": "cubic · (v/F)²",
@@ -115,9 +116,11 @@ class RangeFindings:
         """Line for the clock of the table measurement in a value proportional to it."""
         return self.data.bench.clock(sent=self.unit.telemetry is not None).time_base.times(abs(value))
 
-    def of_rest(self, blocks: RangeBlocks, gain: float) -> BudgetLine:
-        """Line for the bias, common to all readings."""
-        return BudgetLine(BIAS, "A", gain * blocks.bias.u_output, _dof(blocks), self.subject.id("rest"))
+    def of_rest(self, blocks: RangeBlocks, gain: float) -> Iterator[BudgetLine]:
+        """Lines for the bias, common to all readings; at one angle with a tilt of the axis, which turns cancel."""
+        yield BudgetLine(BIAS, "A", gain * blocks.bias.u_output, _dof(blocks), self.subject.id("rest"))
+        if self.symbol == "g" and blocks.rest is not None and blocks.rest.of_one_angle:
+            yield from (line.times(gain) for line in self._tilted(at_one_angle=True))
 
     def warmer(self, u: float) -> BudgetLine:
         """Line for the change of the scale factor with 1 °C, common to all points that are warmer."""
