@@ -60,8 +60,8 @@ def other_samples() -> AbstractContextManager[object]:
     """Means taken for outputs at their times, and the reverse."""
     honest = sample_series.SampleRecord
 
-    def mistaken(*columns: Any, averaged: bool) -> SampleRecord:
-        return honest(*columns, averaged=not averaged)
+    def mistaken(*columns: Any, averaged: bool, **named: Any) -> SampleRecord:
+        return honest(*columns, averaged=not averaged, **named)
 
     return mock.patch.object(sample_series, "SampleRecord", mistaken)
 

@@ -119,7 +119,7 @@ def test_errors_that_drift_go_from_side_to_side_of_those_that_were_drawn(name, t
     loaded = load_bench(full_bench(tmp_path, name)).bench
     world = World(world_settings(loaded, unit_files(loaded, None), 1, 3600.0), lambda: 0.0)
     (unit,) = (*world.units.values(), *world.gyros.values(), *world.imus.values())
-    thermometer = unit._thermometers[0] if name == "channel_imu" else unit._thermometer
+    thermometer = unit._thermometers["accelerometers"] if name == "channel_imu" else unit._thermometer
     drawn_c, level_deg = thermometer._errors.offset_c, world.kinematics._level.middle_deg
     drifts = Drifts(world)
     for share in (-1.0, 1.0):
@@ -137,7 +137,7 @@ def test_a_campaign_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
             ran.append(seed)
             yield Line(seed, (Comparison(seed, 0, "K0", 1.0, 0.5, 0.5),))
 
-    monkeypatch.setattr(cells, "_run", found)
+    monkeypatch.setattr(cells, "lines_of", found)
     cells.run(cell, [1, 2], tmp_path, tmp_path)
     path = tmp_path / f"{cell.name}.jsonl"
     path.write_text(path.read_text("utf-8") + '{"seed": 3, "pro', "utf-8")  # as a stop leaves it

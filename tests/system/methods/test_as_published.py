@@ -22,7 +22,7 @@ FEW = "frequencies={from: 10 Hz, to: 100 Hz, step: 10 Hz}"
 OF_LEVELS = tuple(each for each in FULL if not each.startswith("ramp_rate"))
 AT_FEW_PHASES = {"{frequency} Hz few_phases"}
 SHORTER = {  # sequence: bench, what is shortened, flags of its units (of an inertial unit, by chance)
-    "channel_full": ("channel", OF_LEVELS, {"slope_follows_level"}),
+    "channel_full": ("channel", OF_LEVELS, {"slope_follows_level", "input_drifted"}),
     "channel_source": ("channel", (*OF_LEVELS[:-2], "source_warm_up=1 min"), {"slope_follows_level"}),
     "channel_gravity": ("channel", OF_LEVELS[:-1], set()),
     "channel_skew": ("channel", OF_LEVELS[:-1], set()),
