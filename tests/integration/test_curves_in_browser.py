@@ -105,7 +105,7 @@ def test_an_oscillation_is_an_envelope_and_in_the_scope_each_sample(tmp_path):
             columns = page.evaluate(COLUMNS, "Angle / °")
             return columns and max(known(columns[2]), default=0.0) - min(known(columns[1]), default=0.0)
 
-        station.until(lambda: envelope() > 1.5 * AMPLITUDE_DEG, within_s=60)
+        station.until(lambda: envelope() > 1.9 * AMPLITUDE_DEG, within_s=60)
         mean, low, high = page.evaluate(COLUMNS, "Angle / °")[:3]
         assert envelope() == pytest.approx(2 * AMPLITUDE_DEG, rel=0.05)
         swings = [n for n in range(len(mean)) if (high[n] or 0.0) - (low[n] or 0.0) > AMPLITUDE_DEG]

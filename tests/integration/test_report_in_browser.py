@@ -40,7 +40,7 @@ def test_the_page_is_what_was_written_and_nothing_complains(report, chromium):
     assert re.findall(r'<section id="([\w-]+)">', page) == [
         "run", "verdicts", "course", "unit-a-0", "meaning", "signatures", "provenance", "annex"
     ]  # fmt: skip
-    assert page.count("<svg ") == page.count("</svg>") == 5
+    assert page.count("<svg ") == page.count("</svg>") == 6
     assert "&lt;b&gt;QF-0001 in place a" in page
     assert page.count("<details>") == 3
 
