@@ -18,6 +18,7 @@ steps:
 
 teardown:
   - {set: source, output: off}
+  - {wait: 20 s}
 """
 CALIBRATOR = (
     ("driver: keithley_6220", "driver: fluke_5700a"),

@@ -92,10 +92,10 @@ def test_an_instrument_that_cannot_be_opened_ends_the_run_before_anything_moves(
 
 
 def test_an_answer_that_is_lost_once_is_asked_for_again_and_the_run_goes_on(tmp_path):
-    devices = ("chamber", "head", "supply", "source")
+    devices = {"chamber": 0, "head": 8, "supply": 4, "source": 2}  # when each is polled, in s after every 10 s
     lost = (
-        f"{{device: {device}, kind: silent, at: {10 + 10 * number} min, for: 1.8 s}}"
-        for number, device in enumerate(devices)
+        f"{{device: {device}, kind: silent, at: {600 * number + polled_s} s, for: 1.8 s}}"
+        for number, (device, polled_s) in enumerate(devices.items(), start=1)
     )
     result = broken(tmp_path, f"[{', '.join(lost)}]")
     assert (result.outcome.how, result.problems) == ("completed", [])
