@@ -47,7 +47,7 @@ def measure(whole: bool) -> Iterator[Row]:
         each_ms = tuple(took_s / EMPTY * 1e3 for took_s in repeated(partial(by_campaign_s, empty, client)))
     side = Side("this program", DURABLE, each_ms)
     yield Row("P11", "a task without work, kept on the disk", "ms", side, (), "", "≤ 5 ms", side.value <= 5)
-    count = 1000 if whole else 40
+    count = 1000 if whole else 160
     nights = Faults(night_of("smoke", "simulated", None, ()), range(1, count + 1)).tasks(lambda _: None)
     with here(WORKERS) as client:
         waited_for(client, WORKERS)
