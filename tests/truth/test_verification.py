@@ -63,6 +63,13 @@ def test_what_is_left_is_what_the_unit_does_less_what_the_file_says(runs):
         assert abs(error) < 3 * each["u"], each["id"]
 
 
+def test_the_span_of_the_tilt_has_what_changes_from_dwell_to_dwell(runs):
+    (span,) = (each for each in results_of(runs[1])["findings"] if each["quantity"] == "tilt/verified")
+    of_span = {line["source"]: line["u"] for line in span["budget"]}
+    assert of_span["unit_temperature: drift within the run"] > 0
+    assert of_span["fixture: level: drift within the run, not stated, a fifth of its offset"] > 0
+
+
 def test_the_largest_holds_the_largest_that_is_true(runs):
     found = {each["quantity"]: each for each in results_of(runs[1])["findings"]}
     for quantity in ("K0/left", "K1/left"):

@@ -20,7 +20,9 @@ from bench.methods.tumble.reduction.pair import Verified, tilt_in_tumble
 from bench.methods.tumble.reduction.unit import TumbleUnit
 from bench.metrology.acquisition import Array
 from bench.metrology.calibration.temperature import Compensation
+from bench.metrology.common_errors import level_drift
 from bench.metrology.extremes import interval_of_largest
+from bench.metrology.results.budget import BudgetLine
 from bench.metrology.results.finding import Finding, UnitResult
 from bench.metrology.results.flag import Flag
 from bench.metrology.run_data import RunData, UnitUnderTest
@@ -105,7 +107,7 @@ class Left:
         for each in at_dwells.values():
             yield from each
             yield self._largest(each)
-        yield from self._tilt(at_dwells["K0"])
+        yield from self._tilt(at_dwells["K0"], per_c["K0"])
 
     def _at_dwell(self, found: Finding, left: float) -> Finding:
         """The finding of a coefficient at a dwell with what is left of it; of the scale factor relative."""
@@ -136,7 +138,7 @@ class Left:
     def _where(self, found: Finding, index: int) -> Mapping[str, Any]:
         return {"temperature_c": found.at["temperature_c"], "dwells": [self.of.dwells[index].path]}
 
-    def _tilt(self, at_dwells: Sequence[Finding]) -> Iterator[Finding]:
+    def _tilt(self, at_dwells: Sequence[Finding], per_c: Array) -> Iterator[Finding]:
         """Tilt that the unit indicates when level: the largest, and its span over the temperatures."""
         left_g, own_g = np.array([each.value for each in at_dwells]), self._own_u(at_dwells)
         indicated = tilt_of_one(TiltAxis(1.0, 0.0, 0.0, 0.0, float(np.mean(own_g))), left_g)
@@ -150,4 +152,13 @@ class Left:
             interval=interval_of_largest(indicated.tilt_deg, indicated.u_deg).beside(common),
         )  # fmt: skip
         origin = TiltOrigin(self.of.subject, (self.of.root,), float(np.mean(own_g)), self.of.dof or None)
-        yield from span_finding("tilt/verified", left_g, origin)
+        yield from span_finding("tilt/verified", left_g, origin, more=self._of_span(left_g, per_c))
+
+    def _of_span(self, left_g: Array, per_c: Array) -> list[BudgetLine]:
+        """Contributions in ° to the span of the tilt by errors that change over the run: thermometer, and level."""
+        ends = np.zeros(len(left_g))
+        ends[np.argmax(left_g)], ends[np.argmin(left_g)] = 1.0, -1.0
+        line, level_rad = level_drift(self.of.data)
+        by_level = float(ends @ level_rad(np.array([dwell.middle_s for dwell in self.of.dwells])))
+        lines = [*self.of.by_thermometer(ends, per_c), replace(line, u=abs(by_level))]
+        return [each.times(float(np.degrees(1.0))) for each in lines]
