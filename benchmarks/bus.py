@@ -13,9 +13,11 @@ import os
 import pty
 import re
 import socket
+import subprocess
+import sys
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +33,18 @@ PULSES = {"AxisX": 3, "AxisY": 5, "AxisZ": 7}  # positive ones between two latch
 BUFFER_S = 0.25  # what an adapter keeps while nobody reads
 SEND_EVERY_S = 0.005
 WAIT_S = 60.0  # for somebody who opens the bus
+
+
+@contextlib.contextmanager
+def sending(link: str, rate: float, seconds: float) -> Iterator[str]:
+    """A bus in a process of its own that sends for some seconds; its address."""
+    command = [sys.executable, "-m", "benchmarks.bus", link, "--rate", f"{rate}", "--seconds", f"{seconds}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
+        assert sender.stdout is not None
+        try:
+            yield sender.stdout.readline().strip()
+        finally:
+            sender.terminate()
 
 
 def frames(rate: float, count: int) -> FrameBlock:

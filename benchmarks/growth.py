@@ -87,7 +87,7 @@ class Fit(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """What is made larger: its sizes, in a short measurement and in a whole one, and what one size costs."""
+    """A quantity that is varied: values for a short and for a whole measurement, and the function that measures it."""
 
     size: str
     cost: str

@@ -12,16 +12,15 @@ import shutil
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 from bench import loop as virtual
-from bench.app import execute as app
-from bench.app.request import RunRequest, prepare
 from bench.loop import AS_FAST_AS_POSSIBLE
-from bench.runner.quiet import Quiet
 from bench.store.reader import RunReader
 from bench.store.runs import find_run
+from benchmarks.timed_run import CONFIG, timed_run
 
-CONFIG = Path(__file__).parents[1] / "config"
 HOUR_S = 3600.0
 NEEDS = "needs: {outer: rate_table, counter: pulse_counter}"
 WAITING = "  - wait: 1 h"
@@ -37,31 +36,16 @@ def run_hour(folder: Path, bench: Path, title: str, steps: str) -> tuple[float, 
     """Processor seconds and turns of the loop of a run, without its start and its report."""
     path = folder / f"{title.replace(' ', '_')}.yaml"
     path.write_text(f"schema: itb-sequence/1\ntitle: An hour {title}\n{NEEDS}\nsteps:\n{steps}\n", "utf-8")
-    prepared = prepare(RunRequest(str(path), bench=str(bench), runs=folder / "runs"))
     selector = virtual._VirtualSelector  # noqa: SLF001  whose every call is a turn of the loop
-    plain_run, plain_select = virtual.run, selector.select
-    took_s: list[float] = []
-    turns = 0
+    plain_select, turns = selector.select, 0
 
-    def counted(*given: object, **named: object) -> object:
+    def counted(*given: Any, **named: Any) -> Any:
         nonlocal turns
         turns += 1
         return plain_select(*given, **named)
 
-    def timed(main: object, speed: float) -> object:
-        began_s = time.process_time()
-        result = plain_run(main, speed)
-        took_s.append(time.process_time() - began_s)
-        return result
-
-    app.run_loop, selector.select = timed, counted
-    try:
-        result = app.execute(prepared, Quiet())
-    finally:
-        app.run_loop, selector.select = plain_run, plain_select
-    if result.outcome.how != "completed":
-        raise SystemExit("\n".join(result.problems))
-    return took_s[0], turns
+    with patch.object(selector, "select", counted):
+        return timed_run(path, bench, folder / "runs").cpu_s, turns
 
 
 def bare_s(turns: int) -> float:

@@ -138,11 +138,12 @@ def _starts_cold(plan: Plan) -> bool:
 
 def _beyond(found: Mapping[str, Released], plan: Plan, bench: BenchFile) -> Iterator[Problem]:
     """Yield set points at which a unit is outside the temperature range of its calibration."""
+    measured_at, starts_cold = _measured_at(plan), _starts_cold(plan)
     for place, released in found.items():
         warms_c = _warms_by_c(place, bench)
-        for set_c, where in _measured_at(plan).items():
+        for set_c, where in measured_at.items():
             name, warm_c = f"at {set_c:g} °C", set_c + warms_c
-            if _starts_cold(plan):
+            if starts_cold:
                 yield from _outside(released, place, where, name, (set_c, warm_c))
             else:
                 yield from _outside(released, place, where, name, (warm_c + ARRIVED_C, warm_c - ARRIVED_C))

@@ -11,14 +11,16 @@ from bench.archive.publish import claimed, digest_of, short, show, written
 from bench.archive.query import Archive
 from bench.archive.rows import Publication, Reduced
 from bench.archive.tables import Tables
-from bench.errors import InputError
 from bench.reduce.reduced_again import RESULTS, ReReduction, reduced_again
 from bench.reduce.stored_run import StoredRun, open_run
 from bench.store.runs import json_text
 from bench.store.seal import file_hash
 
 REDUCED = f"reduced/{RESULTS}"  # name among the files of a version
-_VERSIONS = "SELECT version, files, reduced_by FROM all_runs WHERE uuid = ? ORDER BY version DESC"
+_LATEST_OF_OTHERS = """
+SELECT uuid, max(version), any_value(run) FROM all_runs WHERE reduced_by IS DISTINCT FROM ?
+GROUP BY uuid ORDER BY min(started), uuid
+"""
 
 
 class Again(NamedTuple):
@@ -28,12 +30,17 @@ class Again(NamedTuple):
     published: int | None
 
 
-def before(archive: Archive, uuid: str, program: str) -> int:
-    """Return the latest version of a run that is not a re-reduction by this program. Raises InputError without one."""
-    for number, _, reduced_by in archive.query(_VERSIONS, [uuid]).rows:
-        if reduced_by != program:
-            return int(number)
-    raise InputError(f"{archive.destination.url}: there is no run {uuid}")
+class Candidate(NamedTuple):
+    """Latest version of a run that is not a re-reduction by the present program."""
+
+    uuid: str
+    version: int
+    run: str
+
+
+def candidates(archive: Archive, program: str) -> list[Candidate]:
+    """Return the version of each run that this program reduces, in the order in which the runs began."""
+    return [Candidate(*row) for row in archive.query(_LATEST_OF_OTHERS, [program]).rows]
 
 
 def reduce_again(
@@ -45,13 +52,17 @@ def reduce_again(
     InputError if there is no such version, and StoreError.
     """
     folder = fetch(archive, uuid, scratch, version)
-    known = _known(archive, uuid, version, folder, scratch / "before.json")
+    place, files = _place(archive, uuid, version)
+    known = folder / RESULTS
+    if REDUCED in files:
+        known = scratch / "before.json"
+        known.write_bytes(b"".join(archive.destination.chunks(files[REDUCED]["object"])))
     with open_run(folder) as stored:
         found = reduced_again(stored, known)
         if not publish or not (found.changes or found.verdict != found.verdict_before):
             return Again(found, None)
-        number = _published(archive, stored, uuid, version, scratch / "now.json", program)
-    return Again(found, number)
+        reduced = Reduced(scratch / "now.json", found.verdict, program)
+        return Again(found, _published(archive, stored, uuid, place, files, reduced))
 
 
 def _place(archive: Archive, uuid: str, version: int) -> tuple[str, dict[str, Any]]:
@@ -61,26 +72,18 @@ def _place(archive: Archive, uuid: str, version: int) -> tuple[str, dict[str, An
     return str(folder), json.loads(files)
 
 
-def _known(archive: Archive, uuid: str, version: int, run: Path, path: Path) -> Path:
-    """Return the file with the results of a version: those of the run, or of a re-reduction, written to `path`."""
-    _, files = _place(archive, uuid, version)
-    if REDUCED not in files:
-        return run / RESULTS
-    path.write_bytes(b"".join(archive.destination.chunks(files[REDUCED]["object"])))
-    return path
-
-
-def _published(archive: Archive, run: StoredRun, uuid: str, version: int, file: Path, program: str) -> int:
+def _published(
+    archive: Archive, run: StoredRun, uuid: str, folder: str, files: dict[str, Any], reduced: Reduced
+) -> int:
     """Publish the results of the present program with the files of a version; return the number of the new version."""
-    destination, results = archive.destination, run.evaluate().to_json()
+    destination = archive.destination
     destination.prove()
-    file.write_text(json_text(results), "utf-8")
-    folder, files = _place(archive, uuid, version)
-    digest = file_hash(file)
-    files[REDUCED] = written(file, f"{folder}/reduced/{short(digest)}/{RESULTS}", digest, destination)
+    reduced.file.write_text(json_text(run.evaluate().to_json()), "utf-8")
+    digest = file_hash(reduced.file)
+    place = f"{folder}/reduced/{short(digest)}/{RESULTS}"
+    files = {**files, REDUCED: written(reduced.file, place, digest, destination)}
     number, claim = claimed(destination, folder, digest_of({name: each["sha256"] for name, each in files.items()}))
     show(
-        run.folder, run.manifest, Publication(uuid, number, folder, files, claim), Tables(destination),
-        reduced=Reduced(file, results["verdict"], program),
-    )  # fmt: skip
+        run.folder, run.manifest, Publication(uuid, number, folder, files, claim), Tables(destination), reduced=reduced
+    )
     return number

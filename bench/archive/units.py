@@ -140,7 +140,7 @@ _OF_SERIES = 5  # columns that calibrations of one series have in common
 
 
 def _units_due(archive: Archive, until: date, *, simulated: bool) -> Iterator[Due]:
-    """Yield each unit of which a result may reach its limit by then, with the result that is the first."""
+    """Yield each unit with a result that may reach its limit until then, and the name of its first such result."""
     for serial, of_unit in groupby(archive.each(_LIMITED, [simulated]), key=itemgetter(0)):
         series = (list(rows) for _, rows in groupby(of_unit, key=itemgetter(slice(_OF_SERIES))))
         when, quantity = min((_reaches_limit(rows), str(rows[-1][9])) for rows in series)

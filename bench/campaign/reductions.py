@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.archive.query import Archive, opened
+from bench.archive.reduction import candidates
 from bench.archive.reduction import reduce_again as again
 from bench.campaign.isolation import isolate
 from bench.campaign.program import present
@@ -26,10 +27,6 @@ HEADER = (
     "run", "result", "unit", "value before", "value now", "change/u", "u before", "u now", "verdict before",
     "verdict now",
 )  # fmt: skip
-_ALL = """
-SELECT uuid, max(version), any_value(run) FROM all_runs WHERE reduced_by IS DISTINCT FROM ?
-GROUP BY uuid ORDER BY min(started), uuid
-"""
 
 
 class Reductions:
@@ -45,10 +42,10 @@ class Reductions:
         more = {"publish": True} if publish else {}
         self._tasks = [
             Task(
-                f"{run} {uuid[:8]}", "bench.campaign.reductions:reduce_again",
-                {"archive": found.destination.url, "uuid": str(uuid), "version": int(version), **more},
+                f"{each.run} {each.uuid[:8]}", "bench.campaign.reductions:reduce_again",
+                {"archive": found.destination.url, "uuid": each.uuid, "version": each.version, **more},
             )
-            for uuid, version, run in found.query(_ALL, [present()]).rows
+            for each in candidates(found, present())
         ]  # fmt: skip
 
     def tasks(self, known: Known) -> Sequence[Task]:

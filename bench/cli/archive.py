@@ -127,14 +127,14 @@ def reduce(run: str, archive: str, *, publish: bool) -> None:
     """
     import tempfile
 
-    from bench.archive.reduction import before, reduce_again
+    from bench.archive.reduction import candidates, reduce_again
     from bench.archive.units import run_of
     from bench.campaign.program import present
 
     opened = _opened(archive)
     uuid = run_of(opened, run)
     with tempfile.TemporaryDirectory() as scratch:
-        version = before(opened, uuid, present())
+        version = next(each.version for each in candidates(opened, present()) if each.uuid == uuid)
         found, number = reduce_again(opened, uuid, version, Path(scratch), program=present(), publish=publish)
     say(*found.in_words())
     if number is not None:

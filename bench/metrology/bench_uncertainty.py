@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from bench.metrology.results.budget import BudgetLine, common, gain_and_offset
 
+WOBBLE = "axis: wobble"
 Vector = tuple[float, float, float]
 
 
@@ -135,7 +136,7 @@ class BenchRecord:
     @property
     def wobble(self) -> BudgetLine:
         """Tilt of the outermost axis once a turn, in rad."""
-        return BudgetLine("axis: wobble", "B", math.radians(self.head.wobble_u_deg), None, "table.wobble")
+        return BudgetLine(WOBBLE, "B", math.radians(self.head.wobble_u_deg), None, "table.wobble")
 
     def gravity(self, value: float) -> BudgetLine:
         """Contribution of gravity to a value that is proportional to it."""

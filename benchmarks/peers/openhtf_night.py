@@ -6,18 +6,12 @@ SHARE. Each move with what follows is a phase; its readings are one measurement 
 
 import json
 import sys
-import tempfile
-import time
-from pathlib import Path
 
 import openhtf as htf
-from openhtf.output.callbacks import json_factory
 from openhtf.plugs import BasePlug
-from openhtf.util import configuration, console_output
+from openhtf_run import executed
 
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
-configuration.CONF.load(capture_source=False)
-console_output.CLI_QUIET = True
 
 
 class Bench(BasePlug):
@@ -69,10 +63,5 @@ def parts(total: int, count: int) -> list[int]:
 share = float(sys.argv[1])
 moves, waits, readings = (max(1, round(float(each) * share)) for each in sys.argv[2:5])
 phases = [phase(*each) for each in zip(range(moves), parts(waits, moves), parts(readings, moves), strict=True)]
-with tempfile.TemporaryDirectory() as folder:
-    test = htf.Test(*phases, test_name="night")
-    test.add_output_callbacks(json_factory.OutputToJSON(str(Path(folder) / "record.json")))
-    began_s = time.perf_counter()
-    assert test.execute(test_start=lambda: "unit 1")
-    took_s = time.perf_counter() - began_s
+took_s = executed(phases, "night")
 print(json.dumps({"s_per_hour": took_s / share, "readings": readings}))

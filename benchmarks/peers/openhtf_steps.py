@@ -2,16 +2,9 @@
 
 import json
 import sys
-import tempfile
-import time
-from pathlib import Path
 
 import openhtf as htf
-from openhtf.output.callbacks import json_factory
-from openhtf.util import configuration, console_output
-
-configuration.CONF.load(capture_source=False)
-console_output.CLI_QUIET = True
+from openhtf_run import executed
 
 
 def phase(number: int) -> htf.PhaseDescriptor:
@@ -27,10 +20,5 @@ def phase(number: int) -> htf.PhaseDescriptor:
 
 count = int(sys.argv[1])
 phases = [phase(number) for number in range(count)]
-with tempfile.TemporaryDirectory() as folder:
-    test = htf.Test(*phases, test_name="steps")
-    test.add_output_callbacks(json_factory.OutputToJSON(str(Path(folder) / "record.json")))
-    began_s = time.perf_counter()
-    assert test.execute(test_start=lambda: "unit 1")
-    took_s = time.perf_counter() - began_s
+took_s = executed(phases, "steps")
 print(json.dumps({"steps_per_s": count / took_s}))

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -21,7 +21,7 @@ from typing import Any
 
 import cantools
 
-from benchmarks.bus import DBC, frames, log_of
+from benchmarks.bus import DBC, frames, log_of, sending
 from benchmarks.compared import Row, Side, in_turn
 from drivers.can.dbc import Dbc
 from drivers.can.frame_block import FrameBlock
@@ -76,7 +76,7 @@ def _limit(link: str, seconds: float) -> str:
     """What asyncio takes to receive the same bytes from a server, with nothing done to them."""
     if link != "socketcand":
         return ""
-    with _sender(link, SATURATED, seconds) as address:
+    with sending(link, SATURATED, seconds + LEAD_S) as address:
         command = [sys.executable, "-m", "benchmarks.bare_receiver", address, f"{seconds}"]
         found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     return f"only received by asyncio: {found['cpu_s'] / found['frames'] * 1e6:.2g} µs/frame"
@@ -94,7 +94,7 @@ def _named(who: str) -> str:
 
 def read(who: str, link: str, rate: float, seconds: float, log: Path | None = None) -> Mapping[str, Any]:
     """What one side printed that has read a link for some seconds."""
-    with nullcontext(str(log)) if link == "log" else _sender(link, rate, seconds) as address:
+    with nullcontext(str(log)) if link == "log" else sending(link, rate, seconds + LEAD_S) as address:
         ours = ["-m", "benchmarks.ingest", ADDRESSES[link].format(address), f"{seconds}", f"{rate}"]
         theirs = [str(PEER), link, address, f"{seconds}", str(DBC)]
         command = [sys.executable, *(ours if who == OURS else theirs)]
@@ -103,17 +103,6 @@ def read(who: str, link: str, rate: float, seconds: float, log: Path | None = No
         raise RuntimeError(f"{who} at {rate:g} frames/s by {link}:\n{done.stderr}")
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
-
-
-@contextmanager
-def _sender(link: str, rate: float, seconds: float) -> Iterator[str]:
-    command = [sys.executable, "-m", "benchmarks.bus", link, "--rate", f"{rate}", "--seconds", f"{seconds + LEAD_S}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
-        assert sender.stdout is not None
-        try:
-            yield sender.stdout.readline().strip()
-        finally:
-            sender.terminate()
 
 
 def _is_held(found: Mapping[str, Any], rate: float, seconds: float) -> bool:

@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from bench.metrology.acquisition import Counts
 from bench.metrology.pulse_counts import mean_rate
 from bench.store.decoder import Decoder
 from bench.store.reader import RunReader
-from benchmarks.bus import FRAMES_OF_A_LATCH, PULSES
+from benchmarks.bus import FRAMES_OF_A_LATCH, PULSES, sending
 from benchmarks.compared import Row, Side
 from tests.support.served import on_real_wires, simulating
 
@@ -71,17 +71,9 @@ def _both(bench: Path, folder: Path, count: int) -> tuple[Gates, Gates]:
     return ours, theirs
 
 
-@contextmanager
-def _counter(count: int) -> Iterator[str]:
+def _counter(count: int) -> AbstractContextManager[str]:
     """A counter that sends latches at a fixed rate by a serial line; its device."""
-    rate, seconds = FRAMES_OF_A_LATCH / LATCH_S, count * 1.5 + BEFORE_S
-    command = [sys.executable, "-m", "benchmarks.bus", "slcan", "--rate", f"{rate}", "--seconds", f"{seconds}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
-        assert sender.stdout is not None
-        try:
-            yield sender.stdout.readline().strip()
-        finally:
-            sender.terminate()
+    return sending("slcan", FRAMES_OF_A_LATCH / LATCH_S, count * 1.5 + BEFORE_S)
 
 
 @contextmanager

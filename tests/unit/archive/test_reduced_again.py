@@ -14,7 +14,7 @@ from bench.archive.destination import Destination
 from bench.archive.fetch import fetch
 from bench.archive.publish import push
 from bench.archive.query import Archive, opened
-from bench.archive.reduction import before, reduce_again
+from bench.archive.reduction import candidates, reduce_again
 from bench.archive.tables import Tables
 from bench.errors import StoreError
 from tests.support.archives import fill, findings, with_runs
@@ -38,9 +38,9 @@ def archive(smoke_copy, tmp_path) -> Archive:
 
 def _again(archive: Archive, scratch: Path, **more: Any):
     found = opened(archive.destination.url)
-    uuid = found.query("SELECT uuid FROM runs").rows[0][0]
+    (each,) = candidates(found, NOW)
     scratch.mkdir()
-    result = reduce_again(found, uuid, before(found, uuid, NOW), scratch, program=NOW, **more)
+    result = reduce_again(found, each.uuid, each.version, scratch, program=NOW, **more)
     return result, opened(archive.destination.url)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from bench.methods.rate_table.reduction.range_points import RangeBlocks, Turning
 from bench.methods.rate_table.reduction.samples import mean_c
 from bench.methods.rate_table.reduction.stated_scale import of_stated_scale, shared_per_degree, stated_scale
+from bench.metrology.bench_uncertainty import WOBBLE
 from bench.metrology.calibration.linearity import Linearity, LinearityPoint, fit_linearity
 from bench.metrology.calibration.temperature import Compensation
 from bench.metrology.results.budget import BudgetLine
@@ -21,7 +22,6 @@ from bench.metrology.run_data import RunData, UnitUnderTest
 
 BIAS = "readings at rest"
 TILT = "axis: level, in readings at rest at one angle"
-WOBBLE = "axis: wobble"
 WARMER = "scale factor: temperature against that at the low rates"
 BY_RADIUS = "low rates: by way of the radius"
 OTHERWISE_WARM = "scale factor: temperature against that of the curve"
