@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from drivers.can.frame_block import FrameBlock
@@ -61,21 +62,22 @@ def alike(
     lengths = ends - begins
     for length in np.flatnonzero(np.bincount(lengths)).tolist():  # np.unique imports numpy.ma, in 30 ms
         rows = np.flatnonzero(lengths == length)
-        texts = characters[begins[rows, None] + np.arange(length)]
+        texts = sliding_window_view(characters, length)[begins[rows]]
         if form := shape.fullmatch(texts[0].tobytes()):
             yield _as_first(rows, texts, form)
 
 
 def _as_first(rows: NDArray[np.intp], texts: NDArray[np.uint8], form: re.Match[bytes]) -> Alike:
-    fixed, good, digits = np.ones(texts.shape[1], dtype=bool), np.ones(len(rows), dtype=bool), {}
+    fixed, digits = np.ones(texts.shape[1], dtype=bool), {}
     for group in form.re.groupindex:
         begin, end = form.span(group)
         fixed[begin:end] = False
         digits[group] = NIBBLES[texts[:, begin:end]]
-        good &= (digits[group] < (10 if group in DECIMAL else 16)).all(axis=1)
-    good &= (texts[:, fixed] == texts[0, fixed]).all(axis=1)
-    if good.all():
+    checks = [each < (10 if group in DECIMAL else 16) for group, each in digits.items()]
+    checks.append(texts[:, fixed] == texts[0, fixed])
+    if all(each.all() for each in checks):  # of all at once: for each row it takes ten times as long
         return Alike(rows, digits)
+    good = np.logical_and.reduce([each.all(axis=1) for each in checks])
     return Alike(rows[good], {group: each[good] for group, each in digits.items()})
 
 
