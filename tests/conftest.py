@@ -40,7 +40,7 @@ settings.register_profile("explore", print_blob=True, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 SLOW_FOLDERS = {"truth", "integration", "campaigns"}
 REQUIRED = os.environ.get("BENCH_REQUIRE_PEERS") == "1"
-_MODULES = {
+PEER_MODULES = {
     "pymeasure": ("pymeasure", "pyvisa", "pyvisa_py"), "msgpack": ("msgpack",), "imucal": ("imucal",),
     "chamberconnectlibrary": ("chamberconnectlibrary",), "espec_pr3j": ("espec_pr3j", "pyvisa_py"),
     "newportxps": ("newportxps",), "lewis": ("lewis",), "sinstruments": ("sinstruments",),
@@ -84,7 +84,7 @@ def _is_here(peer: str) -> bool:
         return find_library("modbus") is not None
     if peer == "a Chinese font":
         return shutil.which("fc-list") is not None and bool(subprocess.check_output(["fc-list", ":lang=zh"]))
-    modules = _MODULES.get(peer)
+    modules = PEER_MODULES.get(peer)
     if modules is not None:
         return all(importlib.util.find_spec(module) is not None for module in modules)
     return shutil.which(peer) is not None

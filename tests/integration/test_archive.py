@@ -10,7 +10,6 @@ import sys
 from contextlib import closing
 from pathlib import Path
 
-import psycopg
 import pytest
 
 from bench.archive.database import SqlDatabase
@@ -178,6 +177,8 @@ def test_a_full_store_is_named_and_the_push_is_completed_on_a_larger_one(tmp_pat
 
 @pytest.mark.peer("postgres")
 def test_findings_go_to_postgresql_and_an_export_that_was_cut_goes_on(tmp_path) -> None:
+    import psycopg
+
     rows = [row for number in range(40) for row in findings(f"QF-{number}", [1e-3, 2e-3])]
     fill(tmp_path / "archive", findings=rows, runs=with_runs(rows))
     with postgres(tmp_path / "postgres") as url:
