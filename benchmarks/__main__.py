@@ -5,7 +5,7 @@
     python -m benchmarks --readme           # puts the table of results.json into the README
 
 Every row has both sides measured in turn in this run (`compared.py`); the peers have environments of their own in
-build/peers. Results are added to benchmarks/results.json as they come, with date and machine.
+build/peers. Results replace those of the same work in benchmarks/results.json as they come, with date and machine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +26,7 @@ from benchmarks.compared import Row, Side, table
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results.json"
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
+Works = dict[str, dict[str, Any]]  # by name: date, machine, version, whether nights are whole, and rows
 WORKS = sorted(each.stem for each in (Path(__file__).parent / "rows").glob("[a-z]*.py"))
 
 
@@ -40,14 +40,22 @@ def main() -> int:
     if options.readme:
         into_readme()
         return 0
-    known = _known(options.whole)
-    for work in options.only or [each for each in WORKS if not (options.whole and each in known["works"])]:
+    works = _known()
+    for work in options.only or works_to_measure(works, whole=options.whole):
         rows = list(importlib.import_module(f"benchmarks.rows.{work}").measure(options.whole))
         print(table(rows), flush=True)
-        known["works"][work] = {"date": f"{datetime.now(UTC):%Y-%m-%d}", "rows": [each.as_data() for each in rows]}
-        known |= {"machine": machine(), "version": version("inertial-test-bench")}
-        RESULTS.write_text(json.dumps(known, indent=1, sort_keys=True, ensure_ascii=False) + "\n", "utf-8")
-    return 0 if all(each["is_met"] for work in known["works"].values() for each in work["rows"]) else 1
+        works[work] = {
+            "date": f"{datetime.now(UTC):%Y-%m-%d}", "machine": machine(), "version": version("inertial-test-bench"),
+            "whole": options.whole, "rows": [each.as_data() for each in rows],
+        }  # fmt: skip
+        RESULTS.write_text(json.dumps(works, indent=1, sort_keys=True, ensure_ascii=False) + "\n", "utf-8")
+    return 0 if all(each["is_met"] for work in works.values() for each in work["rows"]) else 1
+
+
+def works_to_measure(works: Works, *, whole: bool) -> list[str]:
+    """All works; of whole ones those that are left of a measurement that was stopped."""
+    left = [each for each in WORKS if not (whole and each in works and works[each]["whole"])]
+    return left or WORKS
 
 
 def machine() -> str:
@@ -60,33 +68,42 @@ def machine() -> str:
 
 def into_readme() -> None:
     """Put the table of `results.json` into the README. Raises SystemExit if nothing was measured."""
-    if not (known := _known(None))["works"]:
+    if not (works := _known()):
         raise SystemExit(f"{RESULTS} has no results: run `python -m benchmarks` first")
     readme = ROOT / "README.md"
-    readme.write_text(with_table(readme.read_text("utf-8"), known), "utf-8")
+    readme.write_text(with_table(readme.read_text("utf-8"), works), "utf-8")
 
 
-def with_table(text: str, known: dict[str, Any]) -> str:
+def with_table(text: str, works: Works) -> str:
     """The text with the table of results between its marks. Raises SystemExit if a mark is missing."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
         raise SystemExit(f"the README needs a line {BEGIN} and, below it, a line {END}")
-    rows = sorted((each for work in known["works"].values() for each in work["rows"]), key=_place)
-    dates = sorted(work["date"] for work in known["works"].values())
-    span = dates[0] if dates[0] == dates[-1] else f"{dates[0]} to {dates[-1]}"
-    part = "whole nights" if known["whole"] else "parts of nights"
-    head = f"Measured on {span}, {part}, version {known['version']}: {known['machine']}."
-    return f"{before}{BEGIN}\n{head}\n\n{table([_row(each) for each in rows])}\n{END}{after}"
+    rows = sorted((each for work in works.values() for each in work["rows"]), key=_place)
+    return f"{before}{BEGIN}\n{_head(works)}\n\n{table([_row(each) for each in rows])}\n{END}{after}"
 
 
-def _known(whole: bool | None) -> dict[str, Any]:
-    """What was measured before; of slices it is measured again, of whole nights it is kept."""
-    empty: dict[str, Any] = {"works": {}, "whole": bool(whole)}
-    if not RESULTS.exists():
-        return empty
-    known: dict[str, Any] = json.loads(RESULTS.read_text("utf-8"))
-    return known if whole is None or known["whole"] == whole else empty
+def _head(works: Works) -> str:
+    """When, on what, and how much was measured."""
+    dates, versions, machines = (
+        sorted({work[key] for work in works.values()}) for key in ("date", "version", "machine")
+    )
+    span = dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}"
+    whole = {key for work in works.values() if work["whole"] for key in (row["key"] for row in work["rows"])}
+    if len(whole) == len({row["key"] for work in works.values() for row in work["rows"]}):
+        part = "whole nights"
+    elif whole:
+        part = f"whole nights in {', '.join(sorted(whole, key=_number))}, parts of nights in the others"
+    else:
+        part = "parts of nights"
+    return f"Measured on {span}, {part}, version {', '.join(versions)}: {'; '.join(machines)}."
+
+
+def _known() -> Works:
+    """Works that were measured before."""
+    works: Works = json.loads(RESULTS.read_text("utf-8")) if RESULTS.exists() else {}
+    return works
 
 
 def _row(data: dict[str, Any]) -> Row:
@@ -98,8 +115,12 @@ def _side(data: dict[str, Any]) -> Side:
     return Side(data["name"], data["durability"], tuple(data["values"]))
 
 
-def _place(row: dict[str, Any]) -> tuple[int, Sequence[str]]:
-    return int(row["key"].lstrip("P")), row["work"]
+def _place(row: dict[str, Any]) -> tuple[int, str]:
+    return _number(row["key"]), row["work"]
+
+
+def _number(key: str) -> int:
+    return int(key.lstrip("P"))
 
 
 if __name__ == "__main__":

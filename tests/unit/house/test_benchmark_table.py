@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from benchmarks.__main__ import BEGIN, END, ROOT, with_table
+from benchmarks.__main__ import BEGIN, END, ROOT, WORKS, with_table, works_to_measure
 from benchmarks.compared import Row, Side, in_turn, table
 
 OURS = Side("this program", "each step synced", (2.0, 4.0, 3.0))
@@ -15,8 +15,8 @@ ROW = Row("P3", "a step", "ms", OURS, (PEER,), "bare commit: 1 ms", "≥ 5 ×", 
 
 
 def known(*rows: Row, whole: bool = False) -> dict:
-    works = {"steps": {"date": "2026-11-27", "rows": [each.as_data() for each in rows]}}
-    return json.loads(json.dumps({"works": works, "whole": whole, "version": "0.3", "machine": "2 × a processor"}))
+    work = {"date": "2026-11-27", "whole": whole, "version": "0.3", "machine": "2 × a processor"}
+    return json.loads(json.dumps({"steps": work | {"rows": [each.as_data() for each in rows]}}))
 
 
 def test_sides_alternate():
@@ -67,6 +67,19 @@ def test_the_table_replaces_what_is_between_the_marks():
     assert "old" not in text
     assert text.index("| P3 |") < text.index("| P10 |")
     assert with_table(text, known(other, ROW)) == text
+
+
+def test_works_that_were_measured_whole_are_named():
+    whole = known(Row("P7", "memory", "MB", OURS, (), "", "flat", True), whole=True)["steps"]
+    text = with_table(f"{BEGIN}\n{END}", known(ROW) | {"memory": whole | {"date": "2026-11-30"}})
+    assert "Measured on 2026-11-27 to 2026-11-30, whole nights in P7, parts of nights in the others" in text
+    assert ", whole nights, version" in with_table(f"{BEGIN}\n{END}", known(ROW, whole=True))
+
+
+def test_a_whole_measurement_goes_on_where_it_was_stopped_and_begins_again_when_it_has_ended():
+    done = {name: known(ROW, whole=True)["steps"] for name in WORKS}
+    assert works_to_measure(done | {"start": known(ROW)["steps"]}, whole=True) == ["start"]
+    assert works_to_measure(done, whole=True) == works_to_measure(done, whole=False) == WORKS
 
 
 def test_marks_that_are_missing_are_named():
