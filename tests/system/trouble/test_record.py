@@ -120,10 +120,11 @@ def test_an_input_that_is_edited_while_the_run_goes_on_does_not_pass_for_what_wa
     assert changed in verify(result.path)
 
 
-def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path):
+@pytest.mark.parametrize("size", [0, 10_000_000])
+def test_another_file_in_the_place_of_the_database_is_not_taken_for_it(tmp_path, size):
     def replace(folder):
         (folder / "run.db").unlink()
-        (folder / "run.db").write_bytes(b"")
+        (folder / "run.db").write_bytes(bytes(size))
 
     result = meddled(tmp_path / "runs", replace)
     is_kept(result, state_folder() / "rescued" / result.path.name)
