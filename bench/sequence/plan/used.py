@@ -25,7 +25,8 @@ def devices_used(plan: Plan, bench: BenchFile) -> frozenset[str]:
     for interlock in (*bench.interlocks.values(), *plan.sequence.interlocks.values()):
         names |= set(interlock.names)
     for step in steps:
-        names |= {str(getattr(step, key)) for key in ("role", "of", "reading") if getattr(step, key, None) is not None}
+        fields = vars(step)
+        names |= {str(fields[key]) for key in ("role", "of", "reading") if fields.get(key) is not None}
         names |= set(bench.axes) if isinstance(step, Orient) else set()
     outputs = {name for name, kind in plan.sequence.needs.items() if kind == OUTPUT}
     return frozenset(device for name in names for device in _devices(name, bench, is_output=name in outputs))
