@@ -8,6 +8,7 @@ import json
 import math
 import sqlite3
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from itertools import chain
@@ -36,8 +37,8 @@ SLOW_DISK_S = 30.0
 
 _ENCODER = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 ROWS_AT_ONCE = 100  # rows per statement: batches release the GIL less often
-Rows = Mapping[str, Sequence[Row]]
-"""Rows of a transaction, by table."""
+Rows = defaultdict[str, list[Row]]
+"""Rows of a transaction, of the tables that have any."""
 
 
 class RunWriter:
@@ -71,8 +72,9 @@ class RunWriter:
         self._noted: Stopwatch | None = None
         self.ledger_problem = ""
         self._digest = None if resumed else Digest()
-        self._changed = threading.Condition()
-        self._rows = _no_rows()
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
+        self._rows: Rows = defaultdict(list)
         self._waiting = 0
         self._tickets: list[concurrent.futures.Future[None]] = []
         self._in_hand: list[concurrent.futures.Future[None]] = []  # tickets taken by the thread
@@ -85,8 +87,8 @@ class RunWriter:
 
     def event(self, kind: str, step: str = "", **data: Any) -> None:
         """Append an entry to the journal at the present bench time; equal for equal runs."""
-        at_s = asyncio.get_running_loop().time()
-        text = _ENCODER.encode(data)
+        at_s = float(asyncio.get_running_loop().time())  # a NumPy float has another text, and so another link
+        text = _ENCODER.encode(data) if data else "{}"
         self._put("journal", (at_s, kind, step, text))
 
     def frames(self, stream: str, step: str, block: FrameBlock) -> None:
@@ -110,7 +112,7 @@ class RunWriter:
     async def commit(self) -> None:
         """Wait until all data given so far are on the disk. Raises StoreError if that fails."""
         ticket: concurrent.futures.Future[None] = concurrent.futures.Future()
-        with self._changed:
+        with self._lock:
             self._raise_failure()
             self._tickets.append(ticket)
             self._changed.notify_all()
@@ -119,7 +121,7 @@ class RunWriter:
 
     def close(self) -> None:
         """Write the remaining data and close the file. Raises StoreError if that fails; closing twice is harmless."""
-        with self._changed:
+        with self._lock:
             self._closing = True
             self._changed.notify_all()
         self._thread.join()
@@ -160,8 +162,10 @@ class RunWriter:
         self._channels = dict(self._database.execute("SELECT name, id FROM channel"))
 
     def _put(self, table: str, *rows: tuple[Any, ...]) -> None:
-        with self._changed:
+        with self._lock:
             self._raise_failure()
+            if not rows:
+                return
             if self._waiting > WAITING_LIMIT:
                 self._changed.notify_all()
                 if not succeeded_within(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
@@ -184,7 +188,7 @@ class RunWriter:
         try:
             self._write_until_closed()
         except BaseException as problem:  # noqa: BLE001  such as MemoryError between two writes
-            with self._changed:
+            with self._lock:
                 self._failure = self._failure or StoreError(f"the run store has stopped ({problem!r})")
                 tickets, self._tickets, self._waiting = [*self._in_hand, *self._tickets], [], 0
                 self._changed.notify_all()
@@ -195,9 +199,10 @@ class RunWriter:
         """Pack blocks as they arrive, so that a commit waits for the last block only."""
         closing, group = False, _Group()
         while not closing:
-            with self._changed:
-                self._changed.wait_for(self._has_work, group.due_in_s)
-                rows, self._rows, self._waiting = self._rows, _no_rows(), 0
+            with self._lock:
+                if not self._has_work():
+                    self._changed.wait(group.due_in_s)
+                rows, self._rows, self._waiting = self._rows, defaultdict(list), 0
                 tickets, self._tickets = self._tickets, []
                 self._in_hand = tickets
                 closing = self._closing
@@ -212,13 +217,13 @@ class RunWriter:
 
     def _has_work(self) -> bool:
         crowded = self._waiting > WAITING_LIMIT // 2
-        return bool(self._tickets or self._rows["block"] or crowded or self._closing)
+        return bool(self._tickets or "block" in self._rows or crowded or self._closing)
 
     def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
         """Write one transaction; answer its tickets when it is durable, or with the failure."""
         self._is_writing = True
         self._try(self._check_size, self._place)  # before SQLite extends a truncated file
-        if any(group.rows.values()):
+        if group.rows:
             self._try(self._append, group)
             self._note()
         self._try(self._check_folder, self._place)
@@ -273,7 +278,7 @@ class RunWriter:
             self._fail(failure)
 
     def _fail(self, failure: StoreError) -> None:
-        with self._changed:
+        with self._lock:
             self._failure = failure
         self.on_failure(failure)
 
@@ -307,17 +312,18 @@ class RunWriter:
             kept = str(problem)
         self._fail(StoreError(f"{truncated} was truncated during the run; {kept}"))
 
-    def _insert(self, rows: Rows) -> None:
-        self._database.execute("BEGIN IMMEDIATE")
+    def _insert(self, rows: Mapping[str, Sequence[Row]]) -> None:
+        execute = self._database.cursor().execute
+        execute("BEGIN IMMEDIATE")
         try:
             for table, values in rows.items():
                 for begin in range(0, len(values), ROWS_AT_ONCE):
                     part = values[begin : begin + ROWS_AT_ONCE]
-                    self._database.execute(_statement(table, len(part)), list(chain.from_iterable(part)))
-            self._database.execute("COMMIT")
+                    execute(_statement(table, len(part)), list(chain.from_iterable(part)))
+            execute("COMMIT")
         except BaseException:
             if self._database.in_transaction:
-                self._database.execute("ROLLBACK")
+                execute("ROLLBACK")
             raise
 
     def _close_database(self) -> None:
@@ -334,7 +340,7 @@ class _Group:
     """Data of one transaction: rows as stored, and blocks as digested."""
 
     def __init__(self) -> None:
-        self.rows = _no_rows()
+        self.rows: Rows = defaultdict(list)
         self.blocks: list[tuple[str, str, int, bytes]] = []
         self._since = Stopwatch()
 
@@ -353,10 +359,6 @@ class _Group:
         self.blocks.append((stream, step, len(block), plain))
         data, crc = database.compressed(plain)
         return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
-
-
-def _no_rows() -> dict[str, list[Row]]:
-    return {table: [] for table in database.TABLES}
 
 
 @lru_cache
