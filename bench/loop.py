@@ -174,12 +174,8 @@ class BenchLoop(asyncio.SelectorEventLoop):
             answer, admitted = self._answers.popleft()
             if admitted.cancelled():
                 continue
-            if not succeeded_within(partial(_has_answered, answer), THREAD_ANSWER_LIMIT_S):
+            if not succeeded_within(partial(_pass_on, answer, admitted), THREAD_ANSWER_LIMIT_S):
                 raise TimeError(f"a thread has not answered for {THREAD_ANSWER_LIMIT_S:g} s: {answer}")
-            if (problem := answer.exception()) is not None:
-                admitted.set_exception(problem)
-            else:
-                admitted.set_result(answer.result())
             return True
         return False
 
@@ -188,13 +184,16 @@ class BenchLoop(asyncio.SelectorEventLoop):
         return self._scheduled[0].when() if self._scheduled else None
 
 
-def _has_answered(answer: concurrent.futures.Future[Any], within_s: float) -> bool:
+def _pass_on(answer: concurrent.futures.Future[Any], admitted: asyncio.Future[Any], within_s: float) -> bool:
+    """Pass the result of a thread on, and return True, if it comes within this time."""
     try:
-        answer.exception(within_s)
+        problem = answer.exception(within_s)
     except concurrent.futures.TimeoutError:
         return False
-    except concurrent.futures.CancelledError:
-        return True
+    if problem is not None:
+        admitted.set_exception(problem)
+    else:
+        admitted.set_result(answer.result())
     return True
 
 
@@ -234,6 +233,7 @@ class _VirtualSelector(selectors.DefaultSelector):
     def __init__(self, loop: BenchLoop, speed: float, origin_s: float) -> None:
         super().__init__()
         self._loop = loop
+        self._open = self.get_map()
         self._speed = speed
         self.now = origin_s
         self._turns_here = 0
@@ -262,7 +262,7 @@ class _VirtualSelector(selectors.DefaultSelector):
 
     def _poll(self) -> list[tuple[selectors.SelectorKey, int]]:
         self._turns_since_poll += 1
-        if len(self.get_map()) == 1 and self._turns_since_poll < POLL_EVERY_TURNS:
+        if len(self._open) == 1 and self._turns_since_poll < POLL_EVERY_TURNS:
             return []
         self._turns_since_poll = 0
         return super().select(0)
@@ -286,7 +286,7 @@ class _VirtualSelector(selectors.DefaultSelector):
             ready.extend(selectors.DefaultSelector.select(self, slice_s))
             return bool(ready)
 
-        if len(self.get_map()) > 1 and succeeded_within(is_ready, THREAD_ANSWER_LIMIT_S):
+        if len(self._open) > 1 and succeeded_within(is_ready, THREAD_ANSWER_LIMIT_S):
             return ready
         raise TimeError(
             f"virtual time is stuck at {self.now:.6f} s: deadlock, no timer is set and nothing is under way"
