@@ -291,7 +291,7 @@ def test_frames_that_fail_at_the_instant_of_a_cancellation_are_no_forgotten_erro
         over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         tasks.append(asyncio.create_task(_take_frames(acquiring(), lambda _: None, over)))
         await asyncio.gather(*tasks, return_exceptions=True)
-        while tasks:
+        for _ in range(turns):
             await asyncio.sleep(0)
         gc.collect()
         await asyncio.sleep(0)
