@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import concurrent.futures
 import json
 import math
 import sqlite3
@@ -17,7 +16,7 @@ from typing import Any, TypeVar
 
 from bench.clock import Stopwatch
 from bench.errors import StoreError
-from bench.loop import BenchLoop
+from bench.loop import BenchLoop, give
 from bench.quality import Valid
 from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
@@ -76,8 +75,8 @@ class RunWriter:
         self._changed = threading.Condition(self._lock)
         self._rows: Rows = defaultdict(list)
         self._waiting = 0
-        self._tickets: list[concurrent.futures.Future[None]] = []
-        self._in_hand: list[concurrent.futures.Future[None]] = []  # tickets taken by the thread
+        self._tickets: list[asyncio.Future[None]] = []
+        self._in_hand: list[asyncio.Future[None]] = []  # tickets taken by the thread and not answered
         self._closing = False
         self._commits, self._is_writing = 0, False
         self._failure: StoreError | None = None
@@ -111,13 +110,13 @@ class RunWriter:
 
     async def commit(self) -> None:
         """Wait until all data given so far are on the disk. Raises StoreError if that fails."""
-        ticket: concurrent.futures.Future[None] = concurrent.futures.Future()
+        loop = asyncio.get_running_loop()
         with self._lock:
             self._raise_failure()
+            ticket: asyncio.Future[None] = loop.expect() if isinstance(loop, BenchLoop) else loop.create_future()
             self._tickets.append(ticket)
             self._changed.notify_all()
-        loop = asyncio.get_running_loop()
-        await (loop.admit(ticket) if isinstance(loop, BenchLoop) else asyncio.wrap_future(ticket))
+        await ticket
 
     def close(self) -> None:
         """Write the remaining data and close the file. Raises StoreError if that fails; closing twice is harmless."""
@@ -219,7 +218,7 @@ class RunWriter:
         crowded = self._waiting > WAITING_LIMIT // 2
         return bool(self._tickets or "block" in self._rows or crowded or self._closing)
 
-    def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+    def _write(self, group: _Group, tickets: Sequence[asyncio.Future[None]]) -> None:
         """Write one transaction; answer its tickets when it is durable, or with the failure."""
         self._is_writing = True
         self._try(self._check_size, self._place)  # before SQLite extends a truncated file
@@ -228,16 +227,12 @@ class RunWriter:
             self._note()
         self._try(self._check_folder, self._place)
         self._commits, self._is_writing = self._commits + 1, False
+        self._in_hand = []
         self._answer(tickets)
 
-    def _answer(self, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+    def _answer(self, tickets: Sequence[asyncio.Future[None]]) -> None:
         for ticket in tickets:
-            if ticket.done():
-                continue
-            if self._failure is not None:
-                ticket.set_exception(StoreError(str(self._failure)))
-            else:
-                ticket.set_result(None)
+            give(ticket, problem=None if self._failure is None else StoreError(str(self._failure)))
 
     def _append(self, group: _Group) -> None:
         """Append the rows of a group and the link that covers them, in one transaction."""
