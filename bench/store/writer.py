@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import queue
 import sqlite3
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
@@ -72,7 +74,8 @@ class RunWriter:
         self.ledger_problem = ""
         self._digest = None if resumed else Digest()
         self._lock = threading.RLock()
-        self._changed = threading.Condition(self._lock)
+        self._room = threading.Condition(self._lock)
+        self._calls: queue.SimpleQueue[None] = queue.SimpleQueue()  # each wakes the thread
         self._rows: Rows = defaultdict(list)
         self._waiting = 0
         self._tickets: list[asyncio.Future[None]] = []
@@ -115,14 +118,14 @@ class RunWriter:
             self._raise_failure()
             ticket: asyncio.Future[None] = loop.expect() if isinstance(loop, BenchLoop) else loop.create_future()
             self._tickets.append(ticket)
-            self._changed.notify_all()
+        self._calls.put(None)
         await ticket
 
     def close(self) -> None:
         """Write the remaining data and close the file. Raises StoreError if that fails; closing twice is harmless."""
         with self._lock:
             self._closing = True
-            self._changed.notify_all()
+        self._calls.put(None)
         self._thread.join()
         self._raise_failure()
 
@@ -166,15 +169,15 @@ class RunWriter:
             if not rows:
                 return
             if self._waiting > WAITING_LIMIT:
-                self._changed.notify_all()
-                if not succeeded_within(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
+                self._calls.put(None)
+                if not succeeded_within(partial(self._room.wait_for, self._has_room), SLOW_DISK_S):
                     raise StoreError(f"the disk has accepted no data for {SLOW_DISK_S:g} s; is it failing or full?")
             first = self._numbers[table] + 1
             self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
             self._numbers[table] += len(rows)
             self._waiting += len(rows)
-            if table == "block":
-                self._changed.notify_all()
+        if table == "block":
+            self._calls.put(None)
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
@@ -190,7 +193,7 @@ class RunWriter:
             with self._lock:
                 self._failure = self._failure or StoreError(f"the run store has stopped ({problem!r})")
                 tickets, self._tickets, self._waiting = [*self._in_hand, *self._tickets], [], 0
-                self._changed.notify_all()
+                self._room.notify_all()
             self._answer(tickets)
         self._close_database()
 
@@ -198,14 +201,14 @@ class RunWriter:
         """Pack blocks as they arrive, so that a commit waits for the last block only."""
         closing, group = False, _Group()
         while not closing:
+            with suppress(queue.Empty):
+                self._calls.get(timeout=group.due_in_s)
             with self._lock:
-                if not self._has_work():
-                    self._changed.wait(group.due_in_s)
                 rows, self._rows, self._waiting = self._rows, defaultdict(list), 0
                 tickets, self._tickets = self._tickets, []
                 self._in_hand = tickets
                 closing = self._closing
-                self._changed.notify_all()
+                self._room.notify_all()
             self._try(group.take, rows)
             if tickets or closing or not group.due_in_s:
                 self._write(group, tickets)
@@ -213,10 +216,6 @@ class RunWriter:
 
     def _has_room(self) -> bool:
         return self._waiting <= WAITING_LIMIT
-
-    def _has_work(self) -> bool:
-        crowded = self._waiting > WAITING_LIMIT // 2
-        return bool(self._tickets or "block" in self._rows or crowded or self._closing)
 
     def _write(self, group: _Group, tickets: Sequence[asyncio.Future[None]]) -> None:
         """Write one transaction; answer its tickets when it is durable, or with the failure."""
