@@ -79,7 +79,7 @@ class RunWriter:
         self._rows: Rows = defaultdict(list)
         self._waiting = 0
         self._tickets: list[asyncio.Future[None]] = []
-        self._in_hand: list[asyncio.Future[None]] = []  # tickets taken by the thread and not answered
+        self._in_hand: list[asyncio.Future[None]] = []  # tickets taken by the thread
         self._closing = False
         self._commits, self._is_writing = 0, False
         self._failure: StoreError | None = None
@@ -226,7 +226,6 @@ class RunWriter:
             self._note()
         self._try(self._check_folder, self._place)
         self._commits, self._is_writing = self._commits + 1, False
-        self._in_hand = []
         self._answer(tickets)
 
     def _answer(self, tickets: Sequence[asyncio.Future[None]]) -> None:
