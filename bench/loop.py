@@ -15,11 +15,13 @@ import contextvars
 import heapq
 import itertools
 import math
+import queue
 import selectors
 import socket
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, TypeVarTuple, Unpack
 
@@ -82,7 +84,9 @@ class BenchLoop(asyncio.SelectorEventLoop):
         super().__init__(self._virtual or self._real)
         self._orders = itertools.count()
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
-        self._answers: deque[tuple[concurrent.futures.Future[Any], asyncio.Future[Any]]] = deque()
+        self._expected: deque[asyncio.Future[Any]] = deque()
+        self._arrived: queue.SimpleQueue[tuple[asyncio.Future[Any], Any, BaseException | None]] = queue.SimpleQueue()
+        self._answers: dict[asyncio.Future[Any], tuple[Any, BaseException | None]] = {}
         self._served: dict[tuple[str, int], tuple[Callable[[], asyncio.Protocol], Line]] = {}
 
     def time(self) -> float:
@@ -130,9 +134,22 @@ class BenchLoop(asyncio.SelectorEventLoop):
         """Return a future for the result of another thread; virtual time waits for it."""
         if self._virtual is None:
             return asyncio.wrap_future(answer, loop=self)
-        admitted: asyncio.Future[T] = self.create_future()
-        self._answers.append((answer, admitted))
-        return admitted
+        expected: asyncio.Future[T] = self.expect()
+        answer.add_done_callback(partial(_pass_on, expected))
+        return expected
+
+    def expect(self) -> asyncio.Future[Any]:
+        """Return a future that another thread settles with `give`; virtual time waits for it."""
+        expected: asyncio.Future[Any] = self.create_future()
+        if self._virtual is not None:
+            self._expected.append(expected)
+        return expected
+
+    def arrives(self, expected: asyncio.Future[Any], result: Any, problem: BaseException | None) -> bool:
+        """Accept from another thread what virtual time waits for; return False in real time."""
+        if self._virtual is not None:
+            self._arrived.put((expected, result, problem))
+        return self._virtual is not None
 
     def run_in_executor(self, executor: Any, func: Callable[[Unpack[Ts]], T], *args: *Ts) -> asyncio.Future[T]:
         """Run in an executor as asyncio does, with the result accepted by `admit`."""
@@ -157,7 +174,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         A task that waits for it continues in the same turn of the loop.
         """
         virtual, timers = self._virtual, self._scheduled
-        if virtual is None or virtual.is_paced or self._ready or self._answers or not timers or timers[0] is not timer:
+        if virtual is None or virtual.is_paced or self._ready or self._expected or not timers or timers[0] is not timer:
             return False
         first = heapq.heappop(timers)
         if timers and timers[0].when() <= first.when():
@@ -170,32 +187,53 @@ class BenchLoop(asyncio.SelectorEventLoop):
 
     def accept_answer(self) -> bool:
         """Wait for the oldest outstanding result of another thread; return False if there is none."""
-        while self._answers:
-            answer, admitted = self._answers.popleft()
-            if admitted.cancelled():
+        while self._expected:
+            oldest = self._expected.popleft()
+            if oldest.cancelled():
                 continue
-            if not succeeded_within(partial(_has_answered, answer), THREAD_ANSWER_LIMIT_S):
-                raise TimeError(f"a thread has not answered for {THREAD_ANSWER_LIMIT_S:g} s: {answer}")
-            if (problem := answer.exception()) is not None:
-                admitted.set_exception(problem)
-            else:
-                admitted.set_result(answer.result())
+            if not succeeded_within(partial(self._has_come, oldest), THREAD_ANSWER_LIMIT_S):
+                raise TimeError(f"a thread has not answered for {THREAD_ANSWER_LIMIT_S:g} s: {oldest}")
+            _settle(oldest, *self._answers.pop(oldest))
             return True
         return False
+
+    def _has_come(self, expected: asyncio.Future[Any], within_s: float) -> bool:
+        """Take in the results of threads until this one has come, each within this time."""
+        while expected not in self._answers:
+            try:
+                which, result, problem = self._arrived.get(timeout=within_s)
+            except queue.Empty:
+                return False
+            self._answers[which] = (result, problem)
+        return True
 
     def next_timer(self) -> float | None:
         """Return the time of the next timer, or None."""
         return self._scheduled[0].when() if self._scheduled else None
 
 
-def _has_answered(answer: concurrent.futures.Future[Any], within_s: float) -> bool:
-    try:
-        answer.exception(within_s)
-    except concurrent.futures.TimeoutError:
-        return False
-    except concurrent.futures.CancelledError:
-        return True
-    return True
+def give(expected: asyncio.Future[Any], result: Any = None, problem: BaseException | None = None) -> None:
+    """Settle the future of a task with a result or a problem, from another thread; the loop may be any."""
+    loop = expected.get_loop()
+    if isinstance(loop, BenchLoop) and loop.arrives(expected, result, problem):
+        return
+    with suppress(RuntimeError):  # the loop is closed
+        loop.call_soon_threadsafe(_settle, expected, result, problem)
+
+
+def _pass_on(expected: asyncio.Future[Any], ended: concurrent.futures.Future[Any]) -> None:
+    """Give what an executor has found to the task that waits for it."""
+    problem = concurrent.futures.CancelledError() if ended.cancelled() else ended.exception()
+    give(expected, ended.result() if problem is None else None, problem)
+
+
+def _settle(expected: asyncio.Future[Any], result: Any, problem: BaseException | None) -> None:
+    if expected.done():
+        return
+    if problem is not None:
+        expected.set_exception(problem)
+    else:
+        expected.set_result(result)
 
 
 class _RealSelector(selectors.DefaultSelector):
@@ -234,6 +272,7 @@ class _VirtualSelector(selectors.DefaultSelector):
     def __init__(self, loop: BenchLoop, speed: float, origin_s: float) -> None:
         super().__init__()
         self._loop = loop
+        self._open = self.get_map()
         self._speed = speed
         self.now = origin_s
         self._turns_here = 0
@@ -262,7 +301,7 @@ class _VirtualSelector(selectors.DefaultSelector):
 
     def _poll(self) -> list[tuple[selectors.SelectorKey, int]]:
         self._turns_since_poll += 1
-        if len(self.get_map()) == 1 and self._turns_since_poll < POLL_EVERY_TURNS:
+        if len(self._open) == 1 and self._turns_since_poll < POLL_EVERY_TURNS:
             return []
         self._turns_since_poll = 0
         return super().select(0)
@@ -286,7 +325,7 @@ class _VirtualSelector(selectors.DefaultSelector):
             ready.extend(selectors.DefaultSelector.select(self, slice_s))
             return bool(ready)
 
-        if len(self.get_map()) > 1 and succeeded_within(is_ready, THREAD_ANSWER_LIMIT_S):
+        if len(self._open) > 1 and succeeded_within(is_ready, THREAD_ANSWER_LIMIT_S):
             return ready
         raise TimeError(
             f"virtual time is stuck at {self.now:.6f} s: deadlock, no timer is set and nothing is under way"

@@ -41,19 +41,21 @@ async def acquire_into(
     The last block of frames is cut at the end; a reading of a meter in progress at that time is the last one. Blocks
     arrive every `block_s`, or as often as recorded data must be on the disk.
     """
-    over = asyncio.Event()
+    over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     async def run_all() -> None:
         async with asyncio.TaskGroup() as group:
             for role in roles:
                 group.create_task(_take_in(role, rig, sinks, over, block_s), name=f"take in {role}")
             await end
-            over.set()
+            over.set_result(None)
 
     await grouped(run_all())
 
 
-async def _take_in(role: str, rig: Rig, sinks: Sequence[Sink], over: asyncio.Event, block_s: float | None) -> None:
+async def _take_in(
+    role: str, rig: Rig, sinks: Sequence[Sink], over: asyncio.Future[None], block_s: float | None
+) -> None:
     def keep_frames(block: FrameBlock) -> None:
         for keeper in sinks:
             keeper.frames(role, block)
@@ -69,11 +71,11 @@ async def _take_in(role: str, rig: Rig, sinks: Sequence[Sink], over: asyncio.Eve
 
 
 async def _take_readings(
-    role: str, meter: Meter, keep_readings: Callable[[Sequence[Valid]], None], over: asyncio.Event
+    role: str, meter: Meter, keep_readings: Callable[[Sequence[Valid]], None], over: asyncio.Future[None]
 ) -> None:
     """Read a meter repeatedly and pass on each reading at once; StepError if one is invalid."""
     channel = Channel(role, "", Rule())
-    while not over.is_set():
+    while not over.done():
         readings = await meter.measure(1, nplc=None)
         valid, invalid = channel.take(readings, asyncio.get_running_loop().time())
         if invalid:
@@ -84,23 +86,21 @@ async def _take_readings(
 async def _take_frames(
     acquiring: AbstractAsyncContextManager[AsyncIterator[FrameBlock]],
     keep_frames: Callable[[FrameBlock], None],
-    over: asyncio.Event,
+    over: asyncio.Future[None],
 ) -> None:
     async def keep(blocks: AsyncIterator[FrameBlock]) -> None:
         async for block in blocks:
             keep_frames(block)
 
     async with acquiring as blocks:
-        taking, ending = asyncio.ensure_future(keep(blocks)), asyncio.ensure_future(over.wait())
+        taking = asyncio.ensure_future(keep(blocks))
         try:
-            await asyncio.wait([ending, taking], return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait([over, taking], return_when=asyncio.FIRST_COMPLETED)
         finally:
-            open_tasks = [task for task in (ending, taking) if not task.done()]
-            for task in open_tasks:
-                task.cancel()
-            if open_tasks:
-                await asyncio.wait(open_tasks)
-            # Also checked if the step was cancelled at the instant of the failure.
+            if not taking.done():
+                taking.cancel()
+                await asyncio.wait([taking])
+            # Also checked if the step was cancelled just after the failure; with nothing awaited in between.
             problem = None if taking.cancelled() else taking.exception()
         if problem is not None:
             raise problem

@@ -104,9 +104,10 @@ def advanced(  # noqa: C901  one case for each kind
 
 
 def _without(state: RunState, step: str, **changed: Any) -> RunState:
-    under_way = tuple(other for other in state.under_way if other != step)
-    questions = tuple(other for other in state.questions if other != step)
-    return state._replace(under_way=under_way, questions=questions, **changed)
+    if step in state.questions:
+        changed["questions"] = tuple(other for other in state.questions if other != step)
+    under_way = tuple([other for other in state.under_way if other != step])
+    return state._replace(under_way=under_way, **changed)
 
 
 def _more_lost(lost: Mapping[str, int], data: Mapping[str, Any]) -> Mapping[str, int]:

@@ -237,6 +237,8 @@ class Walk:
 
     async def _restore(self) -> None:
         """Restore the condition before the interruption, before the first step that is not passed over."""
+        if not self._left_to_restore and not self._restoring.locked():
+            return
         async with self._restoring:
             while self._left_to_restore:
                 planned = self._left_to_restore.pop(0)

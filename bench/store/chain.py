@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 from bench.errors import StoreError
 from bench.store.database import CHAIN, TABLES
@@ -19,6 +20,7 @@ from bench.store.encoded import Row, encoded
 
 HEAD_BYTES = 32
 NOTHING = dict.fromkeys(TABLES, 0)
+_WITHOUT_ROWS = {table: f"{table} 0\n".encode() for table in TABLES}
 
 
 def beginning(manifest: Path) -> bytes:
@@ -27,16 +29,17 @@ def beginning(manifest: Path) -> bytes:
 
 
 def head_after(head: bytes, of_tables: Mapping[str, bytes]) -> bytes:
-    """Return the head that follows `head`, from the encoded rows of a commit by table."""
-    link = hashlib.sha256(head)
-    for table in TABLES:
-        link.update(f"{table} {len(of_tables[table])}\n".encode())
-        link.update(of_tables[table])
-    return link.digest()
+    """Return the head that follows `head`, from the encoded rows of a commit by table; a table may be missing."""
+    parts = [head]
+    for table, without_rows in _WITHOUT_ROWS.items():
+        if rows := of_tables.get(table):
+            parts += f"{table} {len(rows)}\n".encode(), rows
+        else:
+            parts.append(without_rows)
+    return hashlib.sha256(b"".join(parts)).digest()
 
 
-@dataclass(frozen=True)
-class Link:
+class Link(NamedTuple):
     """Row of the table `chain`: number of rows of each table after a commit, and the head."""
 
     number: int
@@ -64,7 +67,7 @@ class Link:
 
     def next(self, added: Mapping[str, int], of_tables: Mapping[str, bytes]) -> Link:
         """Return the link of the next commit, from its number of rows and its encoded rows, both by table."""
-        rows = {table: count + added[table] for table, count in self.rows.items()}
+        rows = {**self.rows, **{table: self.rows[table] + count for table, count in added.items()}}
         return Link(self.number + 1, rows, head_after(self.head, of_tables))
 
 

@@ -25,25 +25,27 @@ class WatchedFiles:
     """
 
     def __init__(self, folder: Path, names: Iterable[str]) -> None:
-        self._path, self._files = folder, {name: folder / name for name in names}  # looked at in every commit
-        self._inodes = {name: _inode(path) for name, path in self._files.items()}
-        self._grows, self._size = next(iter(self._files.values())), 0
+        self._path, self._inodes = folder, {name: _inode(folder / name) for name in names}
+        self._files = {str(folder / name): inode for name, inode in self._inodes.items()}  # looked at in every commit
+        self._grows, self._size = next(iter(self._files)), 0
         self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
 
     def missing(self) -> Path | None:
         """Return the folder or file that is no longer at its path, or None if all are there."""
-        gone = [path for name, path in self._files.items() if _inode(path) != self._inodes[name]]
+        gone = [path for path, inode in self._files.items() if _inode(path) != inode]
         if not gone:
             return None
-        return self._path if len(gone) == len(self._inodes) else gone[0]
+        return self._path if len(gone) == len(self._files) else Path(gone[0])
 
     def truncated(self) -> Path | None:
         """Return the first file if it has shrunk since the last call, else None."""
-        with contextlib.suppress(OSError):  # a missing file is reported by `missing`
-            size = self._grows.stat().st_size
-            if size < self._size:
-                return self._grows
-            self._size = size
+        try:
+            size = os.stat(self._grows).st_size
+        except OSError:  # a missing file is reported by `missing`
+            return None
+        if size < self._size:
+            return Path(self._grows)
+        self._size = size
         return None
 
     def found(self) -> Path | None:
@@ -93,9 +95,9 @@ def rescue_database(database: sqlite3.Connection, run: str, file: str, last: Lin
     return folder
 
 
-def _inode(path: Path) -> tuple[int, int] | None:
+def _inode(path: Path | str) -> tuple[int, int] | None:
     try:
-        found = path.stat()
+        found = os.stat(path)
     except OSError:
         return None
     return found.st_dev, found.st_ino

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import concurrent.futures
 import json
 import math
+import queue
 import sqlite3
 import threading
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import lru_cache, partial
 from itertools import chain
 from pathlib import Path
@@ -16,7 +18,7 @@ from typing import Any, TypeVar
 
 from bench.clock import Stopwatch
 from bench.errors import StoreError
-from bench.loop import BenchLoop
+from bench.loop import BenchLoop, give
 from bench.quality import Valid
 from bench.store import database, ledger
 from bench.store.chain import NOTHING, Link, beginning
@@ -36,8 +38,8 @@ SLOW_DISK_S = 30.0
 
 _ENCODER = json.JSONEncoder(ensure_ascii=False, sort_keys=True, allow_nan=False)
 ROWS_AT_ONCE = 100  # rows per statement: batches release the GIL less often
-Rows = Mapping[str, Sequence[Row]]
-"""Rows of a transaction, by table."""
+Rows = defaultdict[str, list[Row]]
+"""Rows of a transaction, of the tables that have any."""
 
 
 class RunWriter:
@@ -71,11 +73,13 @@ class RunWriter:
         self._noted: Stopwatch | None = None
         self.ledger_problem = ""
         self._digest = None if resumed else Digest()
-        self._changed = threading.Condition()
-        self._rows = _no_rows()
+        self._lock = threading.RLock()
+        self._room = threading.Condition(self._lock)
+        self._calls: queue.SimpleQueue[None] = queue.SimpleQueue()  # each wakes the thread
+        self._rows: Rows = defaultdict(list)
         self._waiting = 0
-        self._tickets: list[concurrent.futures.Future[None]] = []
-        self._in_hand: list[concurrent.futures.Future[None]] = []  # tickets taken by the thread
+        self._tickets: list[asyncio.Future[None]] = []
+        self._in_hand: list[asyncio.Future[None]] = []  # tickets taken by the thread
         self._closing = False
         self._commits, self._is_writing = 0, False
         self._failure: StoreError | None = None
@@ -85,8 +89,8 @@ class RunWriter:
 
     def event(self, kind: str, step: str = "", **data: Any) -> None:
         """Append an entry to the journal at the present bench time; equal for equal runs."""
-        at_s = asyncio.get_running_loop().time()
-        text = _ENCODER.encode(data)
+        at_s = float(asyncio.get_running_loop().time())  # a NumPy float has another text, and so another link
+        text = _ENCODER.encode(data) if data else "{}"
         self._put("journal", (at_s, kind, step, text))
 
     def frames(self, stream: str, step: str, block: FrameBlock) -> None:
@@ -109,19 +113,19 @@ class RunWriter:
 
     async def commit(self) -> None:
         """Wait until all data given so far are on the disk. Raises StoreError if that fails."""
-        ticket: concurrent.futures.Future[None] = concurrent.futures.Future()
-        with self._changed:
-            self._raise_failure()
-            self._tickets.append(ticket)
-            self._changed.notify_all()
         loop = asyncio.get_running_loop()
-        await (loop.admit(ticket) if isinstance(loop, BenchLoop) else asyncio.wrap_future(ticket))
+        with self._lock:
+            self._raise_failure()
+            ticket: asyncio.Future[None] = loop.expect() if isinstance(loop, BenchLoop) else loop.create_future()
+            self._tickets.append(ticket)
+        self._calls.put(None)
+        await ticket
 
     def close(self) -> None:
         """Write the remaining data and close the file. Raises StoreError if that fails; closing twice is harmless."""
-        with self._changed:
+        with self._lock:
             self._closing = True
-            self._changed.notify_all()
+        self._calls.put(None)
         self._thread.join()
         self._raise_failure()
 
@@ -160,18 +164,20 @@ class RunWriter:
         self._channels = dict(self._database.execute("SELECT name, id FROM channel"))
 
     def _put(self, table: str, *rows: tuple[Any, ...]) -> None:
-        with self._changed:
+        with self._lock:
             self._raise_failure()
+            if not rows:
+                return
             if self._waiting > WAITING_LIMIT:
-                self._changed.notify_all()
-                if not succeeded_within(partial(self._changed.wait_for, self._has_room), SLOW_DISK_S):
+                self._calls.put(None)
+                if not succeeded_within(partial(self._room.wait_for, self._has_room), SLOW_DISK_S):
                     raise StoreError(f"the disk has accepted no data for {SLOW_DISK_S:g} s; is it failing or full?")
             first = self._numbers[table] + 1
             self._rows[table] += [(number, *row) for number, row in enumerate(rows, start=first)]
             self._numbers[table] += len(rows)
             self._waiting += len(rows)
-            if table == "block":
-                self._changed.notify_all()
+        if table == "block":
+            self._calls.put(None)
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
@@ -184,10 +190,10 @@ class RunWriter:
         try:
             self._write_until_closed()
         except BaseException as problem:  # noqa: BLE001  such as MemoryError between two writes
-            with self._changed:
+            with self._lock:
                 self._failure = self._failure or StoreError(f"the run store has stopped ({problem!r})")
                 tickets, self._tickets, self._waiting = [*self._in_hand, *self._tickets], [], 0
-                self._changed.notify_all()
+                self._room.notify_all()
             self._answer(tickets)
         self._close_database()
 
@@ -195,13 +201,14 @@ class RunWriter:
         """Pack blocks as they arrive, so that a commit waits for the last block only."""
         closing, group = False, _Group()
         while not closing:
-            with self._changed:
-                self._changed.wait_for(self._has_work, group.due_in_s)
-                rows, self._rows, self._waiting = self._rows, _no_rows(), 0
+            with suppress(queue.Empty):
+                self._calls.get(timeout=group.due_in_s)
+            with self._lock:
+                rows, self._rows, self._waiting = self._rows, defaultdict(list), 0
                 tickets, self._tickets = self._tickets, []
                 self._in_hand = tickets
                 closing = self._closing
-                self._changed.notify_all()
+                self._room.notify_all()
             self._try(group.take, rows)
             if tickets or closing or not group.due_in_s:
                 self._write(group, tickets)
@@ -210,29 +217,20 @@ class RunWriter:
     def _has_room(self) -> bool:
         return self._waiting <= WAITING_LIMIT
 
-    def _has_work(self) -> bool:
-        crowded = self._waiting > WAITING_LIMIT // 2
-        return bool(self._tickets or self._rows["block"] or crowded or self._closing)
-
-    def _write(self, group: _Group, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+    def _write(self, group: _Group, tickets: Sequence[asyncio.Future[None]]) -> None:
         """Write one transaction; answer its tickets when it is durable, or with the failure."""
         self._is_writing = True
         self._try(self._check_size, self._place)  # before SQLite extends a truncated file
-        if any(group.rows.values()):
+        if group.rows:
             self._try(self._append, group)
             self._note()
         self._try(self._check_folder, self._place)
         self._commits, self._is_writing = self._commits + 1, False
         self._answer(tickets)
 
-    def _answer(self, tickets: Sequence[concurrent.futures.Future[None]]) -> None:
+    def _answer(self, tickets: Sequence[asyncio.Future[None]]) -> None:
         for ticket in tickets:
-            if ticket.done():
-                continue
-            if self._failure is not None:
-                ticket.set_exception(StoreError(str(self._failure)))
-            else:
-                ticket.set_result(None)
+            give(ticket, problem=None if self._failure is None else StoreError(str(self._failure)))
 
     def _append(self, group: _Group) -> None:
         """Append the rows of a group and the link that covers them, in one transaction."""
@@ -273,7 +271,7 @@ class RunWriter:
             self._fail(failure)
 
     def _fail(self, failure: StoreError) -> None:
-        with self._changed:
+        with self._lock:
             self._failure = failure
         self.on_failure(failure)
 
@@ -307,17 +305,18 @@ class RunWriter:
             kept = str(problem)
         self._fail(StoreError(f"{truncated} was truncated during the run; {kept}"))
 
-    def _insert(self, rows: Rows) -> None:
-        self._database.execute("BEGIN IMMEDIATE")
+    def _insert(self, rows: Mapping[str, Sequence[Row]]) -> None:
+        execute = self._database.cursor().execute
+        execute("BEGIN IMMEDIATE")
         try:
             for table, values in rows.items():
                 for begin in range(0, len(values), ROWS_AT_ONCE):
                     part = values[begin : begin + ROWS_AT_ONCE]
-                    self._database.execute(_statement(table, len(part)), list(chain.from_iterable(part)))
-            self._database.execute("COMMIT")
+                    execute(_statement(table, len(part)), list(chain.from_iterable(part)))
+            execute("COMMIT")
         except BaseException:
             if self._database.in_transaction:
-                self._database.execute("ROLLBACK")
+                execute("ROLLBACK")
             raise
 
     def _close_database(self) -> None:
@@ -334,7 +333,7 @@ class _Group:
     """Data of one transaction: rows as stored, and blocks as digested."""
 
     def __init__(self) -> None:
-        self.rows = _no_rows()
+        self.rows: Rows = defaultdict(list)
         self.blocks: list[tuple[str, str, int, bytes]] = []
         self._since = Stopwatch()
 
@@ -353,10 +352,6 @@ class _Group:
         self.blocks.append((stream, step, len(block), plain))
         data, crc = database.compressed(plain)
         return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
-
-
-def _no_rows() -> dict[str, list[Row]]:
-    return {table: [] for table in database.TABLES}
 
 
 @lru_cache

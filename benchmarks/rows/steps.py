@@ -47,7 +47,7 @@ NO_REDIS = "bluesky-queueserver was not measured: there is no redis-server (on D
 
 def measure(whole: bool) -> Iterator[Row]:
     """Steps a second beside programs that are not durable, beside one that is, and own processor time a step."""
-    count, missing = (10_000 if whole else 2000), "" if shutil.which("redis-server") else NO_REDIS
+    count, missing = (9_000 if whole else 2000), "" if shutil.which("redis-server") else NO_REDIS
     names = [each for each in PEERS if not (missing and each == "bluesky-queueserver")]
     spent: list[tuple[float, float]] = []  # processor time in µs of a step and of a bare commit
     commits_us: list[float] = []

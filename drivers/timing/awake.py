@@ -7,7 +7,6 @@ this reports it by `stalled_since`; with any other loop all time counts. Threads
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
@@ -20,7 +19,12 @@ def succeeded_within(wait: Callable[[float], bool], limit_s: float) -> bool:
 
     Each slice counts as its nominal length, however long it took.
     """
-    return any(wait(SLICE_S) for _ in range(math.ceil(limit_s / SLICE_S)))
+    left_s = limit_s
+    while left_s > 0:
+        if wait(SLICE_S):
+            return True
+        left_s -= SLICE_S
+    return False
 
 
 def now_s() -> float:

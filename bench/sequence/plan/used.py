@@ -24,9 +24,10 @@ def devices_used(plan: Plan, bench: BenchFile) -> frozenset[str]:
         names |= {*entry.dependencies, *bench.measuring(entry)} - {entry.source}
     for interlock in (*bench.interlocks.values(), *plan.sequence.interlocks.values()):
         names |= set(interlock.names)
-    for step in steps:
-        names |= {str(getattr(step, key)) for key in ("role", "of", "reading") if getattr(step, key, None) is not None}
-        names |= set(bench.axes) if isinstance(step, Orient) else set()
+    named = (vars(step).get(key) for step in steps for key in ("role", "of", "reading"))
+    names |= {str(name) for name in named if name is not None}
+    if any(isinstance(step, Orient) for step in steps):
+        names |= set(bench.axes)
     outputs = {name for name, kind in plan.sequence.needs.items() if kind == OUTPUT}
     return frozenset(device for name in names for device in _devices(name, bench, is_output=name in outputs))
 

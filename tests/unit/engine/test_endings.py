@@ -265,13 +265,20 @@ def test_what_the_store_cannot_write_ends_the_run_and_not_the_answers(tmp_path):
     run(main(), AS_FAST_AS_POSSIBLE)
 
 
-def test_frames_that_fail_at_the_instant_of_a_cancellation_are_no_forgotten_error():
+@pytest.mark.parametrize("turns", range(5))
+def test_frames_that_fail_at_the_instant_of_a_cancellation_are_no_forgotten_error(turns):
     forgotten: list[object] = []
     tasks: list[asyncio.Task[None]] = []
 
+    def cancel_after(turns: int) -> None:
+        if turns:
+            asyncio.get_running_loop().call_soon(cancel_after, turns - 1)
+        else:
+            tasks.pop().cancel()
+
     async def blocks():
         await asyncio.sleep(1.0)
-        asyncio.get_running_loop().call_soon(tasks.pop().cancel)
+        asyncio.get_running_loop().call_soon(cancel_after, turns)
         raise LinkLost("counter", "the connection was cut")
         yield
 
@@ -281,8 +288,11 @@ def test_frames_that_fail_at_the_instant_of_a_cancellation_are_no_forgotten_erro
 
     async def main() -> None:
         asyncio.get_running_loop().set_exception_handler(lambda _loop, context: forgotten.append(context))
-        tasks.append(asyncio.create_task(_take_frames(acquiring(), lambda _: None, asyncio.Event())))
-        await asyncio.wait(tasks)
+        over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        tasks.append(asyncio.create_task(_take_frames(acquiring(), lambda _: None, over)))
+        await asyncio.gather(*tasks, return_exceptions=True)
+        for _ in range(turns):
+            await asyncio.sleep(0)
         gc.collect()
         await asyncio.sleep(0)
 

@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from bench.errors import TimeError
-from bench.loop import AS_FAST_AS_POSSIBLE, TURNS_AT_ONE_INSTANT, run
+from bench.loop import AS_FAST_AS_POSSIBLE, TURNS_AT_ONE_INSTANT, give, run
 from drivers.transport.memory import Line
 
 
@@ -104,6 +104,45 @@ def test_answers_of_threads_are_taken_in_in_the_order_of_asking():
         return seen
 
     assert fast(main()) == ["first", "second"]
+
+
+@pytest.mark.parametrize("speed", [AS_FAST_AS_POSSIBLE, 1.0])
+def test_what_a_thread_gives_reaches_who_expects_it_in_any_order_and_once(speed):
+    async def main():
+        loop = asyncio.get_running_loop()
+        first, given_up, failed, last = (loop.expect() for _ in range(4))
+        given_up.cancel()
+
+        def thread():
+            give(last, "last")
+            give(given_up, "too late")
+            give(failed, problem=ValueError("failed"))
+            give(first, "first")
+            give(first, "twice")
+
+        threading.Thread(target=thread).start()
+        return await asyncio.gather(first, failed, last, return_exceptions=True), given_up.cancelled()
+
+    (first, failed, last), is_given_up = run(main(), speed)
+    assert (first, str(failed), last, is_given_up) == ("first", "failed", "last", True)
+
+
+@pytest.mark.parametrize("expecting", [lambda: run(expected(), AS_FAST_AS_POSSIBLE), lambda: run(expected(), 1.0)])
+def test_what_a_thread_gives_when_the_loop_has_ended_is_dropped(expecting):
+    give(expecting(), "too late")
+
+
+async def expected():
+    return asyncio.get_running_loop().expect()
+
+
+def test_what_a_thread_gives_reaches_a_task_of_any_loop():
+    async def main():
+        future = asyncio.get_running_loop().create_future()
+        threading.Thread(target=give, args=(future, "given")).start()
+        return await future
+
+    assert asyncio.run(main()) == "given"
 
 
 def test_an_error_in_a_thread_reaches_who_asked():

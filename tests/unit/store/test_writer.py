@@ -322,6 +322,30 @@ def test_what_is_written_of_an_event_is_the_same_for_equal_events(folder):
         assert opened.execute("SELECT data FROM journal").fetchone() == ('{"a": "°", "b": 1}',)
 
 
+def test_the_link_of_an_entry_is_the_same_when_its_time_was_a_number_of_numpy(folder):
+    async def main() -> None:
+        writer = RunWriter(folder)
+        await asyncio.sleep(np.float64(1.5))
+        assert isinstance(asyncio.get_running_loop().time(), np.float64)
+        writer.event("late")
+        await writer.commit()
+        writer.close()
+
+    run(main(), AS_FAST_AS_POSSIBLE)
+    assert examine(folder).damage == ()
+
+
+def test_samples_of_which_there_are_none_make_no_commit(folder):
+    async def main() -> None:
+        writer = RunWriter(folder)
+        writer.samples("dvm", "step", [])
+        await writer.commit()
+        writer.close()
+        assert writer.link.number == 0
+
+    played(main)
+
+
 LINK = (1, *NOTHING.values(), b"\0" * HEAD_BYTES)
 
 
