@@ -19,6 +19,7 @@ from bench.errors import StoreError
 from bench.loop import BenchLoop
 from bench.quality import Valid
 from bench.store import database, ledger
+from bench.store.blocks import Content, content_of, packed
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
@@ -335,7 +336,7 @@ class _Group:
 
     def __init__(self) -> None:
         self.rows = _no_rows()
-        self.blocks: list[tuple[str, str, int, bytes]] = []
+        self.blocks: list[tuple[str, str, int, Content]] = []
         self._since = Stopwatch()
 
     @property
@@ -349,9 +350,9 @@ class _Group:
             self.rows[table] += [self._packed(*row) for row in given] if table == "block" else given
 
     def _packed(self, number: int, stream: str, step: str, block: FrameBlock) -> Row:
-        plain = database.plain_bytes(block)
-        self.blocks.append((stream, step, len(block), plain))
-        data, crc = database.compressed(plain)
+        content = content_of(block)
+        self.blocks.append((stream, step, len(block), content))
+        data, _, crc = packed(content, len(block))
         return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
 
 
