@@ -20,7 +20,7 @@ from drivers.can.frame_block import FrameBlock
 from drivers.can.sorted_block import joined
 
 BY_MESSAGE = b"\x01"
-FEWEST_BY_MESSAGE = 300  # frames; descriptions of the columns take about 200 bytes
+FEWEST_BY_MESSAGE = 1000  # frames; of fewer, such as those of a second, plain ones are written and read faster
 MOST_PACKED = 1100  # upper bound of the compression ratio of zlib
 FRAME_BYTES = 21  # time, identifier, length and payload of one frame
 SORTED_BYTES = 3  # of a frame among others of its message: its number and what usually changes; only a first guess

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from drivers.can.frame_block import FrameBlock, Sent
 from drivers.can.sorted_block import MOST_MESSAGES, SortedBlock
 
+FEW_BITS = 8  # that change in a column: no other way to store it is tried
 NS = 1e9
 _HEAD = np.dtype([("instants", "<u4"), ("messages", "<u4")])
 _COLUMN = np.dtype(
@@ -76,6 +77,8 @@ def _fewest_changes(values: _Words, ways: Sequence[_Stored]) -> tuple[_Stored, _
         changing = values if stored is _Stored.PLAIN else of_order[1:] - of_order[:-1]
         changes = int(np.bitwise_or.reduce(changing) ^ np.bitwise_and.reduce(changing)) if len(changing) else 0
         found.append((stored, changing, changes))
+        if changes.bit_count() <= FEW_BITS:
+            break
     return min(found, key=lambda each: each[2].bit_count())
 
 
@@ -113,7 +116,7 @@ def _rows_by_message(order: NDArray[np.uint8], counts: NDArray[np.int64]) -> lis
     numbers = np.arange(len(counts))
     if (order[rows[ends - counts]] != numbers).any() or (order[rows[ends - 1]] != numbers).any():
         raise MalformedError("other frames than messages have")
-    return np.split(rows, ends[:-1])
+    return [rows[end - count : end] for end, count in zip(ends.tolist(), counts.tolist(), strict=True)]
 
 
 def _values(plain: bytes, at: int, described: NDArray[np.void]) -> Iterator[_Words]:
@@ -127,7 +130,7 @@ def _values(plain: bytes, at: int, described: NDArray[np.void]) -> Iterator[_Wor
             at += len(rows)
         if stored != _Stored.PLAIN:
             values[:1] = first
-            np.cumsum(values, out=values)
+            values.cumsum(out=values)
         yield values.byteswap() if stored == _Stored.BIG else values
     if at != len(plain):
         raise MalformedError(f"{len(plain) - at} bytes too many")

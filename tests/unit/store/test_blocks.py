@@ -43,7 +43,7 @@ def drawn(frames: int, seed: int, ids: int = len(IDS)) -> FrameBlock:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.integers(1, 700), st.integers(0, 10**6), st.integers(1, 140))
+@given(st.integers(1, 2000), st.integers(0, 10**6), st.integers(1, 140))
 def test_blocks_are_read_as_they_were_written(frames, seed, ids):
     block = drawn(frames, seed, ids)
     check_alike(unpack(stored(block)), block)
@@ -70,14 +70,14 @@ def test_counts_take_less_than_a_byte_a_frame():
 
 
 def test_blocks_of_both_forms_are_joined():
-    blocks = [counted(3000), drawn(20, 1), drawn(900, 2), drawn(900, 3, ids=200)]
+    blocks = [counted(3000), drawn(20, 1), drawn(1200, 2), drawn(1200, 3, ids=200)]
     assert [content_of(each).by_message for each in blocks] == [True, False, True, False]
     for some in (blocks[:1], blocks[:3], blocks[1:2], blocks):
         check_alike(unpack_all(list(map(stored, some))), FrameBlock.joined(some))
 
 
 def test_many_messages_are_stored_plain():
-    ids = np.arange(MOST_MESSAGES + 1, dtype=np.uint32).repeat(10)
+    ids = np.arange(MOST_MESSAGES + 1, dtype=np.uint32).repeat(20)
     block = FrameBlock(
         ids, np.arange(len(ids)) / 1e3, np.full(len(ids), 8, np.uint8), np.zeros((len(ids), 8), np.uint8)
     )
@@ -91,7 +91,7 @@ def test_the_bytes_of_a_format_never_change():
     assert found == ["a7ff1cd74df47109", "5475ebee4b4bd0d9"]
 
 
-@pytest.mark.parametrize("frames", [30, 900])
+@pytest.mark.parametrize("frames", [30, 1200])
 @pytest.mark.parametrize("offset", range(0, 100, 7))
 def test_a_block_with_one_bit_flipped_is_told_never_returned(frames, offset):
     data, _, crc = stored(drawn(frames, 1))
@@ -101,7 +101,7 @@ def test_a_block_with_one_bit_flipped_is_told_never_returned(frames, offset):
         unpack(Packed(bytes(damaged), frames, crc))
 
 
-@pytest.mark.parametrize("block", [counted(200), drawn(3, 1)])
+@pytest.mark.parametrize("block", [counted(600), drawn(3, 1)])
 def test_what_is_no_block_is_told_as_damaged(block):
     data, frames, crc = stored(block)
     assert content_in(Packed(data, frames, crc)) == content_of(block)
@@ -116,7 +116,7 @@ def test_what_is_no_block_is_told_as_damaged(block):
 @pytest.mark.parametrize("place", range(0, 250, 3))
 def test_a_forged_block_is_told_as_damaged_or_is_a_block(place):
     """Its checksum is right, as somebody would make it; the chain finds it (`test_chain`), nothing fails otherwise."""
-    block = counted(200)
+    block = counted(600)
     for value in (0, 1, 0x7F, 0xFF):
         plain = bytearray(content_of(block).plain)
         plain[place] = value

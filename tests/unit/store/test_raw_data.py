@@ -45,11 +45,11 @@ def test_it_reads_what_the_program_reads(smoke_run, page):
 
 def test_it_reads_blocks_of_both_forms(tmp_path, page):
     """Of which those of a smoke run are short."""
-    number = np.arange(500, dtype=np.uint64)
+    number = np.arange(1000, dtype=np.uint64)
     blocks = [counted(700), counted(20)]
     for kind in ("<u8", ">u8"):
         data = (number * 257).astype(kind).view(np.uint8).reshape(-1, 8)
-        blocks.append(FrameBlock(np.full(500, 5, np.uint32), number / 100, np.full(500, 8, np.uint8), data))
+        blocks.append(FrameBlock(np.full(1000, 5, np.uint32), number / 100, np.full(1000, 8, np.uint8), data))
     assert [content_of(block).by_message for block in blocks] == [True, False, True, True]
 
     async def main():
