@@ -8,6 +8,7 @@ plain form has no mark of its own: it begins with the first byte of zlib.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,18 +74,25 @@ def content_in(block: Packed) -> Content:
 
 def unpack(block: Packed) -> FrameBlock:
     """Decode a block. Raises StoreError if it is damaged."""
-    content = content_in(block)
-    if not content.by_message:
-        return _of_plain(content.plain, block.frames)
-    try:
-        return block_of(content.plain, block.frames)
-    except MalformedError as problem:
-        raise StoreError(f"a block of {block.frames} frames is damaged ({problem})") from problem
+    return unpack_all([block])
 
 
 def unpack_all(blocks: Sequence[Packed]) -> FrameBlock:
     """Decode and join blocks. Raises StoreError if one is damaged."""
-    return joined(list(map(unpack, blocks)))
+    contents = [(content_in(block), block.frames) for block in blocks]
+    parts: list[FrameBlock] = []
+    for by_message, some in groupby(contents, key=lambda each: each[0].by_message):
+        neighbours = [(content.plain, frames) for content, frames in some]
+        parts += [_of_columns(neighbours)] if by_message else [_of_plain(*each) for each in neighbours]
+    return joined(parts)
+
+
+def _of_columns(blocks: Sequence[tuple[bytes, int]]) -> FrameBlock:
+    try:
+        return block_of(blocks)
+    except MalformedError as problem:
+        frames = sum(frames for _, frames in blocks)
+        raise StoreError(f"a block of {frames} frames is damaged ({problem})") from problem
 
 
 def _plain(block: FrameBlock) -> bytes:

@@ -8,14 +8,15 @@ layout is in `docs/how-to/read_raw_data.md`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can.frame_block import FrameBlock, Sent
-from drivers.can.sorted_block import MOST_MESSAGES, SortedBlock
+from drivers.can.frame_block import FrameBlock, Kind, Sent
+from drivers.can.sorted_block import MOST_MESSAGES, SortedBlock, joined
 
 FEW_BITS = 8  # that change in a column: no other way to store it is tried
 NS = 1e9
@@ -45,9 +46,10 @@ class MalformedError(ValueError):
 
 def columns_of(block: FrameBlock) -> bytes | None:
     """Encode a block; equal frames give equal bytes. None if it has too many messages."""
-    messages = block.by_message(MOST_MESSAGES)
-    if messages is None:
+    found = block.by_message(MOST_MESSAGES)
+    if found is None:
         return None
+    messages = dict(sorted(found.items()))
     begins = np.flatnonzero(np.concatenate(([True], block.at_s[1:] != block.at_s[:-1])))
     together = np.diff(begins, append=len(block))  # frames that arrived at the same time
     times_ns = np.rint(block.at_s[begins] * NS).astype(np.int64)
@@ -82,32 +84,62 @@ def _fewest_changes(values: _Words, ways: Sequence[_Stored]) -> tuple[_Stored, _
     return min(found, key=lambda each: each[2].bit_count())
 
 
-def block_of(plain: bytes, frames: int) -> SortedBlock:
-    """Decode a block of so many frames. Raises MalformedError for anything but what `columns_of` returns."""
+class _Part(NamedTuple):
+    """One of the blocks that are decoded together: its description, and where its order begins."""
+
+    plain: bytes
+    frames: int
+    described: NDArray[np.void]
+    at: int
+
+    @property
+    def kinds(self) -> list[Kind]:
+        """Messages by id and length."""
+        return list(zip(self.described["id"][2:].tolist(), self.described["length"][2:].tolist(), strict=True))
+
+    @property
+    def order(self) -> NDArray[np.uint8]:
+        """Number of the message of each frame."""
+        return np.frombuffer(self.plain, np.uint8, self.frames, self.at)
+
+
+def block_of(blocks: Sequence[tuple[bytes, int]]) -> FrameBlock:
+    """Decode and join blocks, each of so many frames. Raises MalformedError for what `columns_of` does not return."""
     try:
-        return _decoded(plain, frames)
+        parts = [_part(*block) for block in blocks]
+        if any(part.kinds != parts[0].kinds for part in parts):
+            return joined([_decoded([part]) for part in parts])
+        return _decoded(parts)
     except (ValueError, IndexError) as problem:
         raise MalformedError(str(problem)) from problem
 
 
-def _decoded(plain: bytes, frames: int) -> SortedBlock:
+def _part(plain: bytes, frames: int) -> _Part:
     instants, messages = np.frombuffer(plain, _HEAD, 1)[0].tolist()
     described = np.frombuffer(plain, _COLUMN, 2 + messages, _HEAD.itemsize)
     counts = described["frames"].astype(np.int64)
     if not (counts[0] == counts[1] == instants <= frames and counts[2:].sum() == frames):
         raise MalformedError(f"{instants} instants, messages of {counts[2:].tolist()} frames")
-    at = _HEAD.itemsize + described.nbytes
-    columns = _values(plain, at + frames, described)
-    together, times_ns = next(columns).view(np.int64), next(columns).view(np.int64)
+    part = _Part(plain, frames, described, _HEAD.itemsize + described.nbytes)
+    if len(set(part.kinds)) != messages:
+        raise MalformedError("a message is described twice")
+    return part
+
+
+def _decoded(parts: Sequence[_Part]) -> SortedBlock:
+    """Decode blocks that have the same messages."""
+    counts = np.array([part.described["frames"] for part in parts], np.int64)
+    columns = [np.empty(count, np.uint64) for count in counts.sum(axis=0).tolist()]
+    ends = np.cumsum(counts, axis=0)
+    for part, begins, until in zip(parts, (ends - counts).tolist(), ends.tolist(), strict=True):
+        _fill([each[slice(*span)] for each, *span in zip(columns, begins, until, strict=True)], part)
+    together, times_ns, *words = (each.view(np.int64) for each in columns)
+    frames = sum(part.frames for part in parts)
     if not (together.min() >= 1 and together.max() <= frames == together.sum()):
         raise MalformedError("there is not one time for each frame")
-    at_s = np.repeat(times_ns / NS, together)
-    rows = _rows_by_message(np.frombuffer(plain, np.uint8, frames, at), counts[2:])
-    kinds = zip(described["id"][2:].tolist(), described["length"][2:].tolist(), strict=True)
-    sent = dict(zip(kinds, map(Sent, rows, columns), strict=True))
-    if len(sent) != messages or next(columns, None) is not None:
-        raise MalformedError(f"{len(sent)} of {messages} messages")
-    return SortedBlock(at_s, sent)
+    rows = _rows_by_message(np.concatenate([part.order for part in parts]), counts[:, 2:].sum(axis=0))
+    sent = map(Sent, rows, (each.view(np.uint64) for each in words))
+    return SortedBlock(np.repeat(times_ns / NS, together), dict(zip(parts[0].kinds, sent, strict=True)))
 
 
 def _rows_by_message(order: NDArray[np.uint8], counts: NDArray[np.int64]) -> list[NDArray[np.intp]]:
@@ -119,18 +151,19 @@ def _rows_by_message(order: NDArray[np.uint8], counts: NDArray[np.int64]) -> lis
     return [rows[end - count : end] for end, count in zip(ends.tolist(), counts.tolist(), strict=True)]
 
 
-def _values(plain: bytes, at: int, described: NDArray[np.void]) -> Iterator[_Words]:
-    """Yield the columns, whose planes begin at a byte."""
-    for _, count, _, stored, planes, first, same in described.tolist():
-        values = np.full(count, same, np.uint64)
-        changing = values if stored == _Stored.PLAIN else values[1:]
-        rows = changing.view(np.uint8).reshape(-1, 8)
+def _fill(columns: Sequence[_Words], part: _Part) -> None:
+    """Fill the columns of a part."""
+    at = part.at + part.frames
+    for values, (_, _, _, stored, planes, first, same) in zip(columns, part.described.tolist(), strict=True):
+        values.fill(same)
+        rows = values[stored != _Stored.PLAIN :].view(np.uint8).reshape(-1, 8)
         for byte in _BYTES_OF[planes]:
-            rows[:, byte] = np.frombuffer(plain, np.uint8, len(rows), at)
+            rows[:, byte] = np.frombuffer(part.plain, np.uint8, len(rows), at)
             at += len(rows)
         if stored != _Stored.PLAIN:
             values[:1] = first
             values.cumsum(out=values)
-        yield values.byteswap() if stored == _Stored.BIG else values
-    if at != len(plain):
-        raise MalformedError(f"{len(plain) - at} bytes too many")
+        if stored == _Stored.BIG:
+            values.byteswap(inplace=True)
+    if at != len(part.plain):
+        raise MalformedError(f"{len(part.plain) - at} bytes too many")

@@ -224,15 +224,22 @@ class RunReader:
             yield kept
             return
         parts, count = [np.empty((0, 2))], 0
-        rows = self._rows(_READINGS, number)
-        while len(read := np.fromiter(islice(rows, BATCH_ROWS), _READING)):
-            part = read.view(np.float64).reshape(-1, 2)
+        for part in self._readings(number):
             count += len(part)
             if count <= KEPT_READINGS:
                 parts.append(part)
             yield part
         if count <= KEPT_READINGS:
             self._kept[number] = np.concatenate(parts)
+
+    def _readings(self, number: int) -> Iterator[NDArray[np.float64]]:
+        """Yield the readings of a channel as the database has them, times and values (n, 2)."""
+        try:
+            rows = self._database.execute(_READINGS, (number,))
+            while len(read := np.fromiter(islice(rows, BATCH_ROWS), _READING)):
+                yield read.view(np.float64).reshape(-1, 2)
+        except sqlite3.Error as problem:
+            raise self._unreadable(problem) from problem
 
     def check_chain(self) -> ChainCheck:
         """Check every row of the run against its hash chain."""
