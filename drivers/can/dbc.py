@@ -38,8 +38,11 @@ class Signal:
 
     def raw(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Decode the integers of `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
-        words = data.view(">u8" if self.big_endian else "<u8").ravel().astype(np.uint64, copy=False)
-        words = words >> np.uint64(self.shift)
+        return self.raw_in(data.view(np.uint64).ravel())
+
+    def raw_in(self, words: NDArray[np.uint64]) -> NDArray[np.int64]:
+        """Decode the integers of data as little-endian 64-bit words, (N,)."""
+        words = (words.byteswap() if self.big_endian else words) >> np.uint64(self.shift)
         if self.shift + self.length < 64:
             words &= np.uint64((1 << self.length) - 1)
         values = words.view(np.int64)

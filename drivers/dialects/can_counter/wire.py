@@ -88,10 +88,10 @@ class Latches:
 
 def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     """Latches of a block, with which the frames of all channels are paired."""
-    rows, data, raw = _numbered(form.sequence, block)
-    ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
+    rows, words, raw = _numbered(form.sequence, block)
+    ticks, tick_bits = form.tick.signal.raw_in(words), form.tick.signal.length
     numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
-    boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
+    boots = form.boot_count.signal.raw_in(words) if form.boot_count else np.empty(0, np.int64)
     restarts = int(np.count_nonzero(np.diff(boots))) or count_restarts(numbers, ticks, tick_bits)
     newest = int(numbers.max()) if len(numbers) else -1
     return Latches(rows, block.at_s.take(rows), ticks, raw, numbers, ascending(numbers), newest, restarts)
@@ -99,11 +99,11 @@ def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
 
 @dataclass(frozen=True, slots=True)
 class _Paired:
-    """Frames of one message, their data (N, 8), their latches, and the number of dropped frames."""
+    """Frames of one message, their data as words (N,), their latches, and the number of dropped frames."""
 
     sequence: Integers
     tick: Integers
-    other: NDArray[np.uint8]
+    other: NDArray[np.uint64]
     host_s: NDArray[np.float64]
     first: int
     last: int
@@ -119,8 +119,8 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
     return Counts(
         sequence=found.sequence,
         tick=found.tick,
-        positive=pair.positive.signal.raw(found.other),
-        negative=pair.negative.signal.raw(found.other),
+        positive=pair.positive.signal.raw_in(found.other),
+        negative=pair.negative.signal.raw_in(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         counter_bits=pair.positive.signal.length,
@@ -139,7 +139,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
     return Positions(
         sequence=found.sequence,
         tick=found.tick,
-        position=encoder.position.signal.raw(found.other),
+        position=encoder.position.signal.raw_in(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         position_bits=encoder.position.signal.length,
@@ -151,11 +151,11 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
 def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
     """Pair the frames with a sequence number `other` with their latches."""
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
-    rows, data, raw = _numbered(other, block)
+    rows, words, raw = _numbered(other, block)
     ahead = _ahead_of_step(form, other, rows, raw, latches)
     if ahead is not None:
-        data = data[ahead:]
-        if len(data) < len(sequence):
+        words = words[ahead:]
+        if len(words) < len(sequence):
             sequence, tick, host_s = sequence[:-1], tick[:-1], host_s[:-1]
     else:
         bits = min(
@@ -167,7 +167,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
             latches.numbers[rising], numbers[fresh], assume_unique=True, return_indices=True
         )
         of_latch = np.flatnonzero(rising)[latch_places]
-        tick, host_s, data = tick[of_latch], host_s[of_latch], data[np.flatnonzero(fresh)[other_places]]
+        tick, host_s, words = tick[of_latch], host_s[of_latch], words[np.flatnonzero(fresh)[other_places]]
         stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
     first = int(latches.numbers[0]) if len(latches.rows) else 0
     last = latches.newest
@@ -176,7 +176,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     return _Paired(
         sequence=sequence,
         tick=tick,
-        other=data,
+        other=words,
         host_s=host_s,
         first=first,
         last=last,
@@ -242,7 +242,7 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
     return readings_of(form.temperatures, block)
 
 
-def _numbered(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], NDArray[np.uint8], Integers]:
+def _numbered(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], NDArray[np.uint64], Integers]:
     """Rows, data and raw sequence numbers of the frames of a message."""
     sent = sequence.message.sent_in(block)
-    return sent.rows, sent.data, sequence.signal.raw(sent.data)
+    return sent.rows, sent.words, sequence.signal.raw_in(sent.words)
