@@ -24,7 +24,7 @@ BY_MESSAGE = b"\x01"
 FEWEST_BY_MESSAGE = 1000  # frames; of fewer, such as those of a second, plain ones are written and read faster
 MOST_PACKED = 1100  # upper bound of the compression ratio of zlib
 FRAME_BYTES = 21  # time, identifier, length and payload of one frame
-SORTED_BYTES = 3  # of a frame among others of its message: its number and what usually changes; only a first guess
+LEAST_BYTES = 1  # of one frame by message: the number of its message
 
 
 class Content(NamedTuple):
@@ -59,12 +59,14 @@ def content_in(block: Packed) -> Content:
     data: Any
     frames: Any
     data, frames, crc = block
-    if not (isinstance(data, bytes) and isinstance(frames, int) and 0 <= frames <= MOST_PACKED * len(data)):
+    if not (isinstance(data, bytes) and isinstance(frames, int)):
         raise StoreError(f"a block of {frames} frames is damaged")
     by_message = data[:1] == BY_MESSAGE
+    least = (LEAST_BYTES if by_message else FRAME_BYTES) * frames
+    if not 0 <= least <= MOST_PACKED * len(data):
+        raise StoreError(f"a block of {frames} frames is damaged")
     try:
-        expected = (SORTED_BYTES if by_message else FRAME_BYTES) * frames
-        plain = isal_zlib.decompress(data[1:] if by_message else data, bufsize=max(expected, 1))
+        plain = isal_zlib.decompress(data[1:] if by_message else data, bufsize=max(least, 1))
     except isal_zlib.error as problem:  # type: ignore[misc]  # the stubs declare an instance where the library has a class
         raise StoreError(f"a block of {frames} frames is damaged ({problem})") from problem
     if isal_zlib.crc32(plain) != crc or not (by_message or len(plain) == FRAME_BYTES * frames):
