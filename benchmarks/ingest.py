@@ -66,7 +66,7 @@ async def record(entry: DeviceEntry, folder: Path, seconds: float) -> None:
 def counts_in(entry: DeviceEntry, folder: Path) -> tuple[int, dict[str, Counts]]:
     """Number of frames in a run, and their counts."""
     with RunReader(folder) as reader:
-        block = FrameBlock.joined([block for _, _, block in reader.blocks()])
+        block = reader.frames_of(STEP)["counter"]
     found = Decoder(entry).outputs(block)
     return len(block), {name: each for name, each in found.items() if isinstance(each, Counts)}
 

@@ -70,7 +70,8 @@ class Corrections:
 
     def counts(self, role: str, counts: Counts) -> Counts:
         """Counts of a counter with the corrected period of its clock."""
-        return replace(counts, tick_period_s=counts.tick_period_s * (1 + self.clocks.get(role, 0.0)))
+        relative = self.clocks.get(role, 0.0)
+        return replace(counts, tick_period_s=counts.tick_period_s * (1 + relative)) if relative else counts
 
     def voltages(self, role: str, read: Voltages) -> Voltages:
         """Corrected readings of a voltmeter."""

@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import sqlite3
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from isal import isal_zlib
-from numpy.typing import NDArray
 
 from bench.errors import StoreError
-from drivers.can.frame_block import FrameBlock
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
-VERSION = 2
-READABLE = (1, 2)  # format 1 has no chain
+VERSION = 3
+READABLE = (1, 2, 3)  # format 1 has no chain, format 2 no blocks by message
 FILE_NAME = "run.db"
 LOG_NAME = f"{FILE_NAME}-wal"
 TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # number of columns of each table
@@ -36,9 +30,6 @@ CREATE TABLE sample(seq INTEGER PRIMARY KEY, at_s REAL NOT NULL, stream TEXT NOT
 CREATE TABLE chain(number INTEGER PRIMARY KEY, journal INTEGER NOT NULL, block INTEGER NOT NULL,
   channel INTEGER NOT NULL, reading INTEGER NOT NULL, sample INTEGER NOT NULL, head BLOB NOT NULL);
 """
-_NS = 1e9
-MOST_PACKED = 1100  # upper bound of the compression ratio of zlib
-FRAME_BYTES = 21  # time, identifier, length and payload of one frame
 
 
 def create(path: Path) -> sqlite3.Connection:
@@ -149,56 +140,3 @@ def closed_on_error(database: sqlite3.Connection) -> Iterator[sqlite3.Connection
     except BaseException:
         database.close()
         raise
-
-
-def plain_bytes(block: FrameBlock) -> bytes:
-    """Encode a block of frames by columns, with times as differences in ns."""
-    times = np.rint(block.at_s * _NS).astype("<i8")
-    columns = (
-        np.diff(times, prepend=np.int64(0)).astype("<i8"),
-        block.ids.astype("<u4"),
-        block.dlc,
-        np.ascontiguousarray(block.data.T),
-    )
-    return b"".join(column.tobytes() for column in columns)
-
-
-def compressed(plain: bytes) -> tuple[bytes, int]:
-    """Compress bytes for storage; return them with the CRC-32 of the plain bytes."""
-    return isal_zlib.compress(plain, 1), isal_zlib.crc32(plain)
-
-
-def unpack(data: bytes, frames: int, crc: int) -> FrameBlock:
-    """Decode one block from `compressed` bytes. Raises StoreError if it is damaged."""
-    return unpack_all([(data, frames, crc)])
-
-
-def unpack_all(packed: Sequence[tuple[bytes, int, int]]) -> FrameBlock:
-    """Decode and join blocks, each given as compressed bytes, number of frames and CRC.
-
-    Raises StoreError if one is damaged.
-    """
-    plain = [(plain_of(data, frames, crc), frames) for data, frames, crc in packed]
-
-    def column(dtype: str, at_byte: int, out: NDArray[Any] | None = None) -> NDArray[Any]:
-        return np.concatenate([np.frombuffer(each, dtype, frames, at_byte * frames) for each, frames in plain], out=out)
-
-    times_ns = np.concatenate([np.cumsum(np.frombuffer(each, "<i8", frames)) for each, frames in plain])
-    payloads = np.empty((len(times_ns), 8), np.uint8)
-    for byte in range(8):
-        column("u1", 13 + byte, payloads[:, byte])
-    return FrameBlock(column("<u4", 8), times_ns / _NS, column("u1", 12), payloads)
-
-
-def plain_of(data: Any, frames: Any, crc: int) -> bytes:
-    """Decompress a block; equal frames give equal bytes. Raises StoreError if it is damaged."""
-    are_packed = isinstance(data, bytes) and isinstance(frames, int)
-    if not are_packed or not 0 <= FRAME_BYTES * frames <= MOST_PACKED * len(data):
-        raise StoreError(f"a block of {frames} frames is damaged")
-    try:
-        plain = isal_zlib.decompress(data, bufsize=FRAME_BYTES * frames)
-    except isal_zlib.error as problem:  # type: ignore[misc]  # the stubs declare an instance where the library has a class
-        raise StoreError(f"a block of {frames} frames is damaged ({problem})") from problem
-    if isal_zlib.crc32(plain) != crc or len(plain) != FRAME_BYTES * frames:
-        raise StoreError(f"a block of {frames} frames is damaged: its checksum is wrong")
-    return plain

@@ -18,6 +18,10 @@ from drivers.can.sent_frames import Counted, Encoder, Sampled
 from drivers.installed import loaded
 from drivers.schema.bounded import UnfitFileError
 
+_OF_COUNTS = [field.name for field in fields(decoded.Counts) if field.name not in ("first", "dropped")]
+_OF_SAMPLES = [field.name for field in fields(decoded.Samples) if field.name != "first"]
+_OF_POSITIONS = [field.name for field in fields(decoded.Positions) if field.name not in ("lost", "restarts")]
+
 
 class Decoder:
     """Decoder of the frames of one device that sends them unsolicited.
@@ -76,13 +80,12 @@ def _frame_decoder(entry: DeviceEntry, folder: Path | None) -> FrameDecoder:
 
 
 def _counts(raw: decoded.Counts, output: Counted) -> Counts:
-    kept = _without(raw, "first", "dropped")
-    return Counts(**kept, tick_period_s=output.tick_period_s, max_rate_pps=output.max_rate_pps)
+    return Counts(**_kept(raw, _OF_COUNTS), tick_period_s=output.tick_period_s, max_rate_pps=output.max_rate_pps)
 
 
 def _codes(raw: decoded.Samples, output: Sampled, scale: decoded.Scale) -> Codes:
     return Codes(
-        **_without(raw, "first"),
+        **_kept(raw, _OF_SAMPLES),
         tick_period_s=output.tick_period_s,
         step=abs(scale.factor),
         stuck_after=output.stuck_after,
@@ -92,13 +95,12 @@ def _codes(raw: decoded.Samples, output: Sampled, scale: decoded.Scale) -> Codes
 
 def _positions(raw: decoded.Positions, encoder: Encoder) -> Positions:
     return Positions(
-        **_without(raw, "lost", "restarts"),
+        **_kept(raw, _OF_POSITIONS),
         tick_period_s=encoder.tick_period_s,
         resolution_deg=encoder.resolution_arcsec / 3600,
         channel=encoder.channel,
     )
 
 
-def _without(raw: decoded.Counts | decoded.Samples | decoded.Positions, *names: str) -> dict[str, Any]:
-    """Return the fields of decoded frames but these."""
-    return {field.name: getattr(raw, field.name) for field in fields(raw) if field.name not in names}
+def _kept(raw: object, names: Sequence[str]) -> dict[str, Any]:
+    return {name: getattr(raw, name) for name in names}

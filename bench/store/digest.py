@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
+from bench.store.blocks import Content
 from bench.store.database import TABLES
 
 
@@ -20,10 +21,10 @@ class Digest:
         """Add the next rows of a table, as bytes from `encoded`; for the table of blocks use `block`."""
         self._of[table].update(encoded)
 
-    def block(self, stream: str, step: str, frames: int, plain: bytes) -> None:
-        """Add the next block of frames, uncompressed."""
+    def block(self, stream: str, step: str, frames: int, content: Content) -> None:
+        """Add the next block of frames."""
         self._of["block"].update(repr((stream, step, frames)).encode())
-        self._of["block"].update(plain)
+        self._of["block"].update(content.plain)
 
     def hexdigest(self) -> str:
         """Return the digest of all rows so far."""

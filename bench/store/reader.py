@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bench.errors import StoreError
 from bench.store import database
+from bench.store.blocks import Packed, content_in, unpack, unpack_all
 from bench.store.chain import ChainCheck, check_rows
 from bench.store.digest import Digest
 from bench.store.encoded import encoded
@@ -121,14 +122,14 @@ class RunReader:
 
     def blocks(self) -> Iterator[tuple[str, str, FrameBlock]]:
         """Yield (stream, step, frames) of all blocks in order."""
-        for stream, step, _, block in self._unpacking(database.unpack):
+        for stream, step, _, block in self._unpacking(unpack):
             yield stream, step, block
 
-    def _unpacking(self, unpack: Callable[[bytes, int, int], T]) -> Iterator[tuple[str, str, int, T]]:
+    def _unpacking(self, of: Callable[[Packed], T]) -> Iterator[tuple[str, str, int, T]]:
         """Yield (stream, step, number of frames, unpacked block) in order; blocks are unpacked ahead in threads."""
         ahead: deque[tuple[str, str, int, Future[T]]] = deque()
         for stream, step, data, frames, crc in self._rows(_BLOCKS):
-            ahead.append((stream, step, frames, self._unpackers.submit(unpack, data, frames, crc)))
+            ahead.append((stream, step, frames, self._unpackers.submit(of, Packed(data, frames, crc))))
             if len(ahead) > BLOCKS_AHEAD:
                 yield _done(ahead.popleft())
         yield from map(_done, ahead)
@@ -223,15 +224,22 @@ class RunReader:
             yield kept
             return
         parts, count = [np.empty((0, 2))], 0
-        rows = self._rows(_READINGS, number)
-        while len(read := np.fromiter(islice(rows, BATCH_ROWS), _READING)):
-            part = read.view(np.float64).reshape(-1, 2)
+        for part in self._readings(number):
             count += len(part)
             if count <= KEPT_READINGS:
                 parts.append(part)
             yield part
         if count <= KEPT_READINGS:
             self._kept[number] = np.concatenate(parts)
+
+    def _readings(self, number: int) -> Iterator[NDArray[np.float64]]:
+        """Yield the readings of a channel as the database has them, times and values (n, 2)."""
+        try:
+            rows = self._database.execute(_READINGS, (number,))
+            while len(read := np.fromiter(islice(rows, BATCH_ROWS), _READING)):
+                yield read.view(np.float64).reshape(-1, 2)
+        except sqlite3.Error as problem:
+            raise self._unreadable(problem) from problem
 
     def check_chain(self) -> ChainCheck:
         """Check every row of the run against its hash chain."""
@@ -256,8 +264,8 @@ class RunReader:
     def digest(self) -> str:
         """Return the digest of all stored data; equal for equal runs, whatever the compression."""
         digest = Digest()
-        for stream, step, frames, plain in self._unpacking(database.plain_of):
-            digest.block(stream, step, frames, plain)
+        for stream, step, frames, content in self._unpacking(content_in):
+            digest.block(stream, step, frames, content)
         for table in database.TABLES.keys() - {"block"}:
             if table != "sample" or self._has_samples():
                 for rows in self._batches(f"SELECT * FROM {table} ORDER BY 1"):  # noqa: S608  the names are our own
@@ -290,7 +298,7 @@ def _made(make: Callable[[Frames], T], packed: Iterable[tuple[str, bytes, int, i
 
 def _unpacked(blocks: Iterable[tuple[str, bytes, int, int]]) -> Frames:
     """Join packed blocks to one block per stream."""
-    collected: dict[str, list[tuple[bytes, int, int]]] = {}
+    collected: dict[str, list[Packed]] = {}
     for stream, data, frames, crc in blocks:
-        collected.setdefault(stream, []).append((data, frames, crc))
-    return {stream: database.unpack_all(of_stream) for stream, of_stream in collected.items()}
+        collected.setdefault(stream, []).append(Packed(data, frames, crc))
+    return {stream: unpack_all(of_stream) for stream, of_stream in collected.items()}

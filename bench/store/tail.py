@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Self
 
 from bench.errors import StoreError
 from bench.store import database
+from bench.store.blocks import Packed
 from bench.store.reader import Event
 
 _EVENTS = "SELECT seq, at_s, kind, step, data FROM journal WHERE seq > ? ORDER BY seq LIMIT ?"
@@ -47,6 +48,11 @@ class TailBlock(NamedTuple):
     last_s: float
     crc: int
     data: bytes
+
+    @property
+    def packed(self) -> Packed:
+        """The block alone."""
+        return Packed(self.data, self.frames, self.crc)
 
 
 class Tail:

@@ -21,6 +21,7 @@ from bench.errors import StoreError
 from bench.loop import BenchLoop, give
 from bench.quality import Valid
 from bench.store import database, ledger
+from bench.store.blocks import Content, content_of, packed
 from bench.store.chain import NOTHING, Link, beginning
 from bench.store.digest import Digest
 from bench.store.encoded import Row, encoded
@@ -334,7 +335,7 @@ class _Group:
 
     def __init__(self) -> None:
         self.rows: Rows = defaultdict(list)
-        self.blocks: list[tuple[str, str, int, bytes]] = []
+        self.blocks: list[tuple[str, str, int, Content]] = []
         self._since = Stopwatch()
 
     @property
@@ -348,9 +349,9 @@ class _Group:
             self.rows[table] += [self._packed(*row) for row in given] if table == "block" else given
 
     def _packed(self, number: int, stream: str, step: str, block: FrameBlock) -> Row:
-        plain = database.plain_bytes(block)
-        self.blocks.append((stream, step, len(block), plain))
-        data, crc = database.compressed(plain)
+        content = content_of(block)
+        self.blocks.append((stream, step, len(block), content))
+        data, _, crc = packed(content, len(block))
         return (number, stream, step, len(block), float(block.at_s[0]), float(block.at_s[-1]), crc, data)
 
 

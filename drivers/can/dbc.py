@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc_outline import READINGS, UNITS
-from drivers.can.frame_block import EXTENDED, FrameBlock
+from drivers.can.frame_block import EXTENDED, FrameBlock, Sent
 from drivers.can.options import text_of
 
 if TYPE_CHECKING:
@@ -38,9 +38,12 @@ class Signal:
 
     def raw(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Decode the integers of `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
-        words = data.view(">u8" if self.big_endian else "<u8").ravel().astype(np.uint64, copy=False)
-        words = words >> np.uint64(self.shift)
-        if self.length < 64:
+        return self.raw_in(data.view(np.uint64).ravel())
+
+    def raw_in(self, words: NDArray[np.uint64]) -> NDArray[np.int64]:
+        """Decode the integers of data as little-endian 64-bit words, (N,)."""
+        words = (words.byteswap() if self.big_endian else words) >> np.uint64(self.shift)
+        if self.shift + self.length < 64:
             words &= np.uint64((1 << self.length) - 1)
         values = words.view(np.int64)
         if self.signed and self.length < 64:
@@ -81,7 +84,11 @@ class Message:
 
     def rows(self, block: FrameBlock) -> NDArray[np.intp]:
         """Rows of this message in a block; frames whose length differs from the DBC are ignored."""
-        return np.flatnonzero((block.ids == self.id) & (block.dlc == self.length))
+        return self.sent_in(block).rows
+
+    def sent_in(self, block: FrameBlock) -> Sent:
+        """Frames of this message in a block; those whose length differs from the DBC are ignored."""
+        return block.sent(self.id, self.length)
 
 
 class Field(NamedTuple):
@@ -161,11 +168,12 @@ def readings_of(
     fields: Mapping[str, Field], block: FrameBlock
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Decode fields in a block: arrival times and physical values by field name, without fields that did not arrive."""
-    found, sent = {}, {field.message.id: field.message for field in fields.values()}
-    rows = {of_message: message.rows(block) for of_message, message in sent.items()}
+    found, messages = {}, {field.message.id: field.message for field in fields.values()}
+    frames = {of_message: message.sent_in(block) for of_message, message in messages.items()}
     for name, field in fields.items():
-        if len(at := rows[field.message.id]):
-            found[name] = (block.at_s[at], field.signal.physical(block.payloads(at)))
+        rows, data = frames[field.message.id].rows, frames[field.message.id].data
+        if len(rows):
+            found[name] = (block.at_s[rows], field.signal.physical(data))
     return found
 
 

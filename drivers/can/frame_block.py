@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 EXTENDED = 1 << 31  # set in the id of a frame with a 29-bit identifier, as SocketCAN does
 ERROR = 1 << 29  # set in the id of an error frame, whose other bits are its classes, as SocketCAN does
+
+Kind = tuple[int, int]
+"""Id and length, by which messages are told apart."""
+
+
+class Sent(NamedTuple):
+    """Frames of one message in a block: `rows` (n,) in order, and their data as 64-bit words, (n,)."""
+
+    rows: NDArray[np.intp]
+    words: NDArray[np.uint64]
+
+    @property
+    def data(self) -> NDArray[np.uint8]:
+        """Data of the frames, (n, 8)."""
+        return self.words.view(np.uint8).reshape(-1, 8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +42,7 @@ class FrameBlock:
     data: NDArray[np.uint8]
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.at_s)
 
     def payloads(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
         """Data of these frames, (n, 8)."""
@@ -36,6 +52,24 @@ class FrameBlock:
     def words(self) -> NDArray[np.uint64]:
         """Data of each frame as one 64-bit word, (N,)."""
         return self.data.view(np.uint64).ravel()
+
+    def sent(self, frame_id: int, length: int) -> Sent:
+        """Frames of the message with this id and length."""
+        rows = np.flatnonzero((self.ids == frame_id) & (self.dlc == length))
+        return Sent(rows, self.words.take(rows))
+
+    def by_message(self, most: int) -> Mapping[Kind, Sent] | None:
+        """Frames of each message, in order of their first ones; None if there are more than `most` messages."""
+        found: dict[Kind, Sent] = {}
+        is_found, row = np.zeros(len(self), bool), 0
+        while row < len(self) and not is_found[row]:
+            if len(found) == most:
+                return None
+            kind = int(self.ids[row]), int(self.dlc[row])
+            found[kind] = self.sent(*kind)
+            is_found[found[kind].rows] = True
+            row += int(is_found[row:].argmin())
+        return found
 
     def at(self, rows: NDArray[np.intp]) -> FrameBlock:
         """Frames in these rows, in their order."""

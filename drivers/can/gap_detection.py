@@ -73,16 +73,15 @@ class GapDetector:
 
     def _continues(self, block: FrameBlock) -> bool:
         leading = self.leading
-        rows = leading.field.message.rows(block)
-        data = block.payloads(rows)
-        raw = leading.field.signal.raw(data)
-        if not (leading.extend(raw) and self._in_time(self.tick.signal.raw(data))):
+        sent = leading.field.message.sent_in(block)
+        raw = leading.field.signal.raw(sent.data)
+        if not (leading.extend(raw) and self._in_time(self.tick.signal.raw(sent.data))):
             return False
-        if self._in_step and self._are_followed(block, rows, raw):
+        if self._in_step and self._are_followed(block, sent.rows, raw):
             return True
         self._in_step = False
         return all(
-            each.extend(each.field.signal.raw(block.payloads(each.field.message.rows(block)))) and self._as_many(each)
+            each.extend(each.field.signal.raw(each.field.message.sent_in(block).data)) and self._as_many(each)
             for each in self.others
         )
 

@@ -42,6 +42,8 @@ def unwrapped_by_clock(raw: Integers, bits: int, ticks: Integers, tick_bits: int
 def ascending(numbers: Integers) -> NDArray[np.bool_]:
     """Mask of the numbers that exceed all before them."""
     fresh = np.ones(len(numbers), dtype=bool)
+    if (numbers[1:] > numbers[:-1]).all():
+        return fresh
     fresh[1:] = numbers[1:] > np.maximum.accumulate(numbers)[:-1]
     return fresh
 

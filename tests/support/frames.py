@@ -1,13 +1,17 @@
-"""CAN frames typed by hand, and frames taken from a link in real time."""
+"""CAN frames typed by hand, those of a counter, and frames taken from a link in real time."""
 
 from __future__ import annotations
 
 import asyncio
 
+import numpy as np
+
+from drivers.can.dbc import encode_frames
 from drivers.can.frame_block import FrameBlock
 from drivers.transport import slcan
 from drivers.transport.alike import Arrivals
 from drivers.transport.frame_link import FrameLink
+from tests.support.laboratory import DBC
 
 
 def frames(*lines: str) -> FrameBlock:
@@ -28,3 +32,14 @@ async def taken(link: FrameLink, count: int, within_s: float = 2.0) -> FrameBloc
             blocks.append(link.take())
             await asyncio.sleep(0.01)
     return FrameBlock.joined(blocks)
+
+
+def counted(latches: int) -> FrameBlock:
+    """A healthy counter: a latch and the counts of a channel a hundred times a second, with noise of a pulse."""
+    number = np.arange(latches)
+    pulses = np.cumsum(999 + number * number * 7919 % 101 % 3)
+    values = {
+        "Latch": {"Tick": 10_000 * number, "Sequence": number & 0xFFFF},
+        "AxisX": {"Positive": pulses & 0xFFFFFF, "Sequence": number & 0xFFFF},
+    }
+    return encode_frames(DBC, (5 * 10**9 + 10**7 * number) / 1e9, values)

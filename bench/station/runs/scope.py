@@ -10,7 +10,8 @@ import numpy as np
 
 from bench.metrology.acquisition import Counts
 from bench.station.runs.series import Array, angle_of, angles_deg, decoders_in, rates_of, steps_of, units_of
-from bench.store.database import FILE_NAME, unpack_all
+from bench.store.blocks import unpack_all
+from bench.store.database import FILE_NAME
 from bench.store.decoder import Decoder
 from bench.store.tail import Begins, Tail
 
@@ -53,7 +54,7 @@ def newest_samples(run: Path, over_s: Callable[[str], float]) -> Scope:
         blocks = [each for each in tail.blocks(until_s - over_s(step), MOST_BLOCKS) if each.step == step]
     found: dict[str, Samples] = {}
     for stream, decoder in decoders_in(run).items():
-        frames = [(each.data, each.frames, each.crc) for each in blocks if each.stream == stream]
+        frames = [each.packed for each in blocks if each.stream == stream]
         if frames:
             found |= dict(_samples(stream, decoder, unpack_all(frames), units_of(run)))
     since_s = max((each.at_s[-1] for each in found.values()), default=until_s) - over_s(step)

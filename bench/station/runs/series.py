@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bench.errors import BenchError, InputError
 from bench.metrology.acquisition import Counts, Positions
 from bench.station.runs.deviation import DEVIATION, bench_of, course, deviation, expectations
-from bench.store.database import unpack_all
+from bench.store.blocks import unpack_all
 from bench.store.decoder import Decoder, decoders_of
 from bench.store.tail import Bucket, Tail, TailBlock
 
@@ -172,7 +172,7 @@ def angle_of(axis: str) -> str:
 
 def _outputs_in(stream: str, decoder: Decoder, blocks: list[TailBlock]) -> Iterator[tuple[str, tuple[Array, Array]]]:
     """Yield instants and values of consecutive blocks: pulse rates between latches, samples, and angles."""
-    block = unpack_all([(each.data, each.frames, each.crc) for each in blocks])
+    block = unpack_all([each.packed for each in blocks])
     for channel, output in decoder.outputs(block).items():
         if not isinstance(output, Counts):
             yield f"{stream}.{channel}", (output.host_s, output.values)

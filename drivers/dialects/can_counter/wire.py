@@ -16,7 +16,6 @@ from drivers.can.dbc import Dbc, Field, readings_of
 from drivers.can.decoded import Counts, Positions
 from drivers.can.encoder_frames import PositionFormat, position_formats, unwrap_by_neighbours
 from drivers.can.frame_block import FrameBlock
-from drivers.can.frame_cycles import Cycles, cycles_of
 from drivers.can.gap_detection import GapDetector
 from drivers.can.options import PositionOptions
 from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
@@ -74,8 +73,7 @@ def unbroken(form: CounterFormat) -> GapDetector:
 class Latches:
     """Latches of a block: rows, arrival times, ticks and sequence numbers, raw and unwrapped.
 
-    `fresh` marks numbers above all before them, `newest` is the highest, -1 without a latch. `cycles` are the cycles of
-    the frames that follow them.
+    `fresh` marks numbers above all before them, `newest` is the highest, -1 without a latch.
     """
 
     rows: NDArray[np.intp]
@@ -86,29 +84,26 @@ class Latches:
     fresh: NDArray[np.bool_]
     newest: int
     restarts: int
-    cycles: Cycles
 
 
 def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     """Latches of a block, with which the frames of all channels are paired."""
-    rows = form.sequence.message.rows(block)
-    data, raw = _numbered(form.sequence, block, rows)
-    ticks, tick_bits = form.tick.signal.raw(data), form.tick.signal.length
+    rows, words, raw = _numbered(form.sequence, block)
+    ticks, tick_bits = form.tick.signal.raw_in(words), form.tick.signal.length
     numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
-    boots = form.boot_count.signal.raw(data) if form.boot_count else np.empty(0, np.int64)
+    boots = form.boot_count.signal.raw_in(words) if form.boot_count else np.empty(0, np.int64)
     restarts = int(np.count_nonzero(np.diff(boots))) or count_restarts(numbers, ticks, tick_bits)
     newest = int(numbers.max()) if len(numbers) else -1
-    cycles = cycles_of(block, rows)
-    return Latches(rows, block.at_s[rows], ticks, raw, numbers, ascending(numbers), newest, restarts, cycles)
+    return Latches(rows, block.at_s.take(rows), ticks, raw, numbers, ascending(numbers), newest, restarts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Paired:
-    """Frames of one message, their data (N, 8), their latches, and the number of dropped frames."""
+    """Frames of one message, their data as words (N,), their latches, and the number of dropped frames."""
 
     sequence: Integers
     tick: Integers
-    other: NDArray[np.uint8]
+    other: NDArray[np.uint64]
     host_s: NDArray[np.float64]
     first: int
     last: int
@@ -124,8 +119,8 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
     return Counts(
         sequence=found.sequence,
         tick=found.tick,
-        positive=pair.positive.signal.raw(found.other),
-        negative=pair.negative.signal.raw(found.other),
+        positive=pair.positive.signal.raw_in(found.other),
+        negative=pair.negative.signal.raw_in(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         counter_bits=pair.positive.signal.length,
@@ -144,7 +139,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
     return Positions(
         sequence=found.sequence,
         tick=found.tick,
-        position=encoder.position.signal.raw(found.other),
+        position=encoder.position.signal.raw_in(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         position_bits=encoder.position.signal.length,
@@ -156,22 +151,23 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
 def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> _Paired:
     """Pair the frames with a sequence number `other` with their latches."""
     sequence, tick, host_s, stale = latches.numbers, latches.tick, latches.host_s, 0
-    data = _in_step(form, other, block, latches)
-    if data is not None and len(data) < len(sequence):
-        sequence, tick, host_s = sequence[:-1], tick[:-1], host_s[:-1]
-    elif data is None:
-        rows = other.message.rows(block)
-        data, raw = _numbered(other, block, rows)
+    rows, words, raw = _numbered(other, block)
+    ahead = _ahead_of_step(form, other, rows, raw, latches)
+    if ahead is not None:
+        words = words[ahead:]
+        if len(words) < len(sequence):
+            sequence, tick, host_s = sequence[:-1], tick[:-1], host_s[:-1]
+    else:
         bits = min(
             other.signal.length, form.sequence.signal.length
         )  # sequence numbers of a longer signal have no counterpart in the latches
-        ahead = latches.fresh
-        numbers, fresh = unwrap_by_neighbours(rows, raw, bits, latches.rows[ahead], latches.numbers[ahead])
+        rising = latches.fresh
+        numbers, fresh = unwrap_by_neighbours(rows, raw, bits, latches.rows[rising], latches.numbers[rising])
         sequence, latch_places, other_places = np.intersect1d(
-            latches.numbers[latches.fresh], numbers[fresh], assume_unique=True, return_indices=True
+            latches.numbers[rising], numbers[fresh], assume_unique=True, return_indices=True
         )
-        of_latch = np.flatnonzero(latches.fresh)[latch_places]
-        tick, host_s, data = tick[of_latch], host_s[of_latch], data[np.flatnonzero(fresh)[other_places]]
+        of_latch = np.flatnonzero(rising)[latch_places]
+        tick, host_s, words = tick[of_latch], host_s[of_latch], words[np.flatnonzero(fresh)[other_places]]
         stale = int(np.count_nonzero(~latches.fresh) + np.count_nonzero(~fresh))
     first = int(latches.numbers[0]) if len(latches.rows) else 0
     last = latches.newest
@@ -180,7 +176,7 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     return _Paired(
         sequence=sequence,
         tick=tick,
-        other=data,
+        other=words,
         host_s=host_s,
         first=first,
         last=last,
@@ -190,27 +186,32 @@ def _paired(form: CounterFormat, other: Field, block: FrameBlock, latches: Latch
     )
 
 
-def _in_step(form: CounterFormat, other: Field, block: FrameBlock, latches: Latches) -> NDArray[np.uint8] | None:
-    """Data of frames that follow each latch with its number, if none is lost, late or duplicated; else None.
+def _ahead_of_step(
+    form: CounterFormat, other: Field, rows: NDArray[np.intp], raw: Integers, latches: Latches
+) -> int | None:
+    """Number of frames before the first latch, if after it one with its number follows each latch; else None.
 
-    The last latch may lack its frame.
+    Then none is lost, late or duplicated. The last latch may lack its frame.
     """
-    rows = latches.cycles.rows(other.message)
-    if rows is None or other.signal.length != form.sequence.signal.length or not latches.fresh.all():
+    if not len(latches.rows) or other.signal.length != form.sequence.signal.length or not latches.fresh.all():
         return None
-    data, raw = _numbered(other, block, rows)
-    before = rows[:1] - len(latches.cycles.places)  # its frame of the cycle whose latch was before the block
-    if len(before) and before[0] >= 0:
-        ahead = int(_numbered(other, block, before)[1][0] - latches.raw[0]) % (1 << other.signal.length)
-        if ahead < 1 << (other.signal.length - 1):  # no earlier number: the frames after it are late or duplicated
-            return None
-    return data if (raw == latches.raw[: len(raw)]).all() else None
+    ahead = int(np.searchsorted(rows, latches.rows[0]))
+    after, own = rows[ahead:], latches.rows[: len(rows) - ahead]
+    following = latches.rows[1 : 1 + len(after)]
+    if ahead > 1 or len(after) != len(own) or len(own) < len(latches.rows) - 1:
+        return None
+    if (after < own).any() or (after[: len(following)] > following).any():
+        return None
+    if (raw[ahead:] != latches.raw[: len(own)]).any():
+        return None
+    earlier = int(latches.raw[0] - raw[0]) % (1 << other.signal.length) if ahead else 1
+    return ahead if 0 < earlier <= 1 << (other.signal.length - 1) else None  # else frames are late or duplicated
 
 
 def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
     """Raw sequence numbers of the latches in a block, and when they arrived."""
-    rows = form.sequence.message.rows(block)
-    return form.sequence.signal.raw(block.payloads(rows)), block.at_s[rows]
+    rows, _, raw = _numbered(form.sequence, block)
+    return raw, block.at_s[rows]
 
 
 def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[float, tuple[int, int]]]:
@@ -241,7 +242,7 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
     return readings_of(form.temperatures, block)
 
 
-def _numbered(sequence: Field, block: FrameBlock, rows: NDArray[np.intp]) -> tuple[NDArray[np.uint8], Integers]:
-    """Data of the frames in these rows, and their raw sequence numbers."""
-    data = block.payloads(rows)
-    return data, sequence.signal.raw(data)
+def _numbered(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], NDArray[np.uint64], Integers]:
+    """Rows, data and raw sequence numbers of the frames of a message."""
+    sent = sequence.message.sent_in(block)
+    return sent.rows, sent.words, sequence.signal.raw_in(sent.words)

@@ -72,14 +72,14 @@ def unbroken(forms: Mapping[str, SampleFormat]) -> list[GapDetector]:
 
 def first_number(form: SampleFormat, block: FrameBlock) -> int | None:
     """Sequence number in the first frame of a channel in a block, as sent; None without a frame."""
-    rows = form.value.message.rows(block)
-    return int(form.sequence.signal.raw(block.data[rows[:1]])[0]) if len(rows) else None
+    data = form.value.message.sent_in(block).data
+    return int(form.sequence.signal.raw(data[:1])[0]) if len(data) else None
 
 
 def decode_samples(form: SampleFormat, block: FrameBlock, from_number: int | None = None) -> Samples:
     """Decode the samples of one channel in a block; their numbers are unwrapped from the first, or `from_number`."""
-    rows = form.value.message.rows(block)
-    data = block.data[rows]
+    sent = form.value.message.sent_in(block)
+    rows, data = sent.rows, sent.data
     tick = form.tick.signal
     ticks = tick.raw(data)
     numbers = _numbers(form, data, from_number)
@@ -114,12 +114,12 @@ def decode_positions(
 ) -> Positions:
     """Decode encoder positions at the ends of the samples of a channel, one row for each valid sample that has one."""
     samples = decode_samples(form, block, from_number)
-    rows, of_samples = encoder.sequence.message.rows(block), form.value.message.rows(block)
-    known = _numbers(form, block.data[of_samples], from_number)
-    data, own = block.data[rows], encoder.sequence.signal
+    sent, of_samples = encoder.sequence.message.sent_in(block), form.value.message.sent_in(block)
+    known = _numbers(form, of_samples.data, from_number)
+    data, own = sent.data, encoder.sequence.signal
     bits = min(own.length, form.sequence.signal.length)  # a longer number has no counterpart in the samples
     ahead = ascending(known)
-    numbers, fresh = unwrap_by_neighbours(rows, own.raw(data), bits, of_samples[ahead], known[ahead])
+    numbers, fresh = unwrap_by_neighbours(sent.rows, own.raw(data), bits, of_samples.rows[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(
         samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
     )
@@ -137,9 +137,8 @@ def decode_positions(
 
 def arrivals(form: SampleFormat, block: FrameBlock) -> tuple[Integers, Integers, NDArray[np.float64]]:
     """Raw sequence numbers, codes and arrival times of all samples in a block."""
-    rows = form.value.message.rows(block)
-    data = block.data[rows]
-    return form.sequence.signal.raw(data), form.value.signal.raw(data), block.at_s[rows]
+    sent = form.value.message.sent_in(block)
+    return form.sequence.signal.raw(sent.data), form.value.signal.raw(sent.data), block.at_s[sent.rows]
 
 
 def _valid(form: SampleFormat, data: NDArray[np.uint8]) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ from bench.reduce.stored_run import open_run
 from bench.report import write
 from bench.report.revision import examined
 from bench.report.write import write_report
+from bench.store.blocks import content_of, packed
 from bench.store.ledger import LEDGER, entries_of
 from bench.store.reader import RunReader
 from bench.store.runs import summary
@@ -99,14 +100,26 @@ def test_a_run_that_was_interrupted_is_intact_to_its_last_row_and_not_sealed(int
     assert record.in_words == "intact up to row 101 (unsealed)"
 
 
-@pytest.mark.parametrize(("version", "state"), [("v1_finished", "completed"), ("v1_interrupted", "interrupted")])
-def test_runs_of_earlier_formats_are_read_for_ever(tmp_path, version, state):
+def kept(version, folder):
+    """A run of an earlier format, as its program left it."""
     with tarfile.open(FORMATS / f"{version}.tar.xz") as archive:
-        archive.extractall(tmp_path, filter="data")
-    folder = tmp_path / f"run_{version}"
+        archive.extractall(folder, filter="data")
+    return folder / f"run_{version}"
+
+
+@pytest.mark.parametrize(
+    ("version", "state", "kind"),
+    [
+        ("v1_finished", "completed", "unchained"),
+        ("v1_interrupted", "interrupted", "unchained"),
+        ("v2_finished", "completed", "sealed"),
+        ("v2_interrupted", "interrupted", "unsealed"),
+    ],
+)
+def test_runs_of_earlier_formats_are_read_for_ever(tmp_path, version, state, kind):
+    folder = kept(version, tmp_path)
     record = examined(folder)
-    assert (summary(folder).state, record.kind, record.damage) == (state, "unchained", ())
-    assert record.in_words.startswith("unsealed, no chain")
+    assert (summary(folder).state, record.kind, record.damage) == (state, kind, ())
     with open_run(folder) as stored:
         found = reduced_again(stored)
     both = [(change.before.value, change.now.value) for change in found.changes if change.before and change.now]
@@ -114,6 +127,20 @@ def test_runs_of_earlier_formats_are_read_for_ever(tmp_path, version, state):
     assert (moved, found.verdict) == ([], {"completed": "PASS", "interrupted": "INCOMPLETE"}[state])
     edit(folder / "manifest.json", digest="sha256:0")
     assert examined(folder).damage
+
+
+@pytest.mark.parametrize("version", ["v2_finished", "v2_interrupted"])
+def test_an_edited_block_of_an_earlier_format_is_found(tmp_path, version):
+    folder = kept(version, tmp_path)
+    with RunReader(folder) as reader:
+        block = next(block for _, _, block in reader.blocks())
+    edited = FrameBlock(block.ids, block.at_s, block.dlc, block.data ^ 1)
+    data, _, crc = packed(content_of(edited), len(edited))
+    with closing(sqlite3.connect(folder / "run.db")) as database, database:
+        database.execute("UPDATE block SET data = ?, crc = ? WHERE seq = 1", (data, crc))
+    with RunReader(folder) as reader:
+        assert np.array_equal(next(block for _, _, block in reader.blocks()).data, edited.data)
+    assert any("damaged at commit" in each for each in examined(folder).damage)
 
 
 def test_a_run_cut_off_while_its_database_was_closed_is_read(sealed, tmp_path):

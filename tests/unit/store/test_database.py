@@ -6,13 +6,11 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from bench.errors import StoreError
 from bench.store import database
-from bench.store.database import compressed, open_to_read, plain_bytes, plain_of, reopen
-from drivers.can.frame_block import FrameBlock
+from bench.store.database import open_to_read, reopen
 
 
 @pytest.fixture
@@ -79,19 +77,3 @@ def test_what_is_no_database_is_not_read(path):
     path.write_bytes(b"no database" * 500)
     assert told(open_to_read, path) == f"{path}: cannot be read (file is not a database)"
     assert told(open_to_read, path.with_name("gone")).startswith(f"{path.with_name('gone')}: ")
-
-
-BLOCK = FrameBlock(np.zeros(3, np.uint32), np.arange(3.0), np.full(3, 8, np.uint8), np.zeros((3, 8), np.uint8))
-
-
-def test_a_block_is_read_as_it_was_packed_or_told_as_damaged():
-    plain = plain_bytes(BLOCK)
-    data, crc = compressed(plain)
-    assert plain_of(data, 3, crc) == plain
-    for given in (("text", 3, crc), (data, "3", crc), (data, -1, crc), (data, 10**9, crc)):
-        assert told(plain_of, *given) == f"a block of {given[1]} frames is damaged"
-    wrong = "a block of {} frames is damaged: its checksum is wrong"
-    assert told(plain_of, data, 3, crc + 1) == wrong.format(3)
-    assert told(plain_of, data, 2, crc) == wrong.format(2)
-    assert told(plain_of, data[:-9], 3, crc).startswith("a block of 3 frames is damaged")
-    assert told(plain_of, b"\xff" * 90, 3, crc).startswith("a block of 3 frames is damaged (")

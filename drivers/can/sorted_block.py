@@ -1,0 +1,74 @@
+"""A block of CAN frames that are sorted by message, as decoders want them; its columns are made when asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.can.frame_block import FrameBlock, Kind, Sent
+
+MOST_MESSAGES = 100  # of a block that is sorted; for more of them it is not worth it
+_NOTHING = Sent(np.empty(0, np.intp), np.empty(0, np.uint64))
+
+
+class SortedBlock(FrameBlock):
+    """CAN frames in order of arrival, at times `at_s` (N,), given by message; each row belongs to one message."""
+
+    def __init__(self, at_s: NDArray[np.float64], messages: Mapping[Kind, Sent]) -> None:
+        object.__setattr__(self, "at_s", at_s)
+        object.__setattr__(self, "_messages", messages)
+
+    _messages: Mapping[Kind, Sent]
+
+    def sent(self, frame_id: int, length: int) -> Sent:
+        """Frames of the message with this id and length."""
+        return self._messages.get((frame_id, length), _NOTHING)
+
+    def by_message(self, most: int) -> Mapping[Kind, Sent] | None:
+        """Frames of each message; None if there are more than `most` messages."""
+        return self._messages if len(self._messages) <= most else None
+
+    @cached_property
+    def ids(self) -> NDArray[np.uint32]:
+        """Identifiers (N,), as in a FrameBlock."""
+        ids = np.empty(len(self), np.uint32)
+        for (frame_id, _), sent in self._messages.items():
+            ids[sent.rows] = frame_id
+        return ids
+
+    @cached_property
+    def dlc(self) -> NDArray[np.uint8]:
+        """Lengths (N,)."""
+        lengths = np.empty(len(self), np.uint8)
+        for (_, length), sent in self._messages.items():
+            lengths[sent.rows] = length
+        return lengths
+
+    @cached_property
+    def data(self) -> NDArray[np.uint8]:
+        """Data (N, 8)."""
+        words = np.empty(len(self), np.uint64)
+        for sent in self._messages.values():
+            words[sent.rows] = sent.words
+        return words.view(np.uint8).reshape(-1, 8)
+
+
+def joined(blocks: Sequence[FrameBlock]) -> FrameBlock:
+    """Concatenate blocks; the result is sorted if one of them is, unless there are too many messages."""
+    if len(blocks) == 1 or not any(isinstance(block, SortedBlock) for block in blocks):
+        return FrameBlock.joined(blocks)
+    parts: dict[Kind, list[Sent]] = {}
+    begins = np.cumsum([0, *map(len, blocks)]).tolist()
+    for begin, block in zip(begins, blocks, strict=False):
+        messages = block.by_message(MOST_MESSAGES)
+        if messages is None:
+            return FrameBlock.joined(blocks)
+        for kind, sent in messages.items():
+            parts.setdefault(kind, []).append(Sent(sent.rows + begin, sent.words))
+    return SortedBlock(
+        np.concatenate([block.at_s for block in blocks]),
+        {kind: Sent(*map(np.concatenate, zip(*sent, strict=True))) for kind, sent in parts.items()},
+    )
