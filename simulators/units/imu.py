@@ -52,9 +52,9 @@ class ImuState(NamedTuple):
     sensors_c: Array
 
     @classmethod
-    def of(cls, history: History) -> ImuState:
-        """All that a unit has been."""
-        true_s, *others = np.split(history.rows.T, np.cumsum([1, *(len(NAMES),) * 3]))
+    def of(cls, rows: Array) -> ImuState:
+        """States in rows of a history."""
+        true_s, *others = np.split(rows.T, np.cumsum([1, *(len(NAMES),) * 3]))
         return cls(true_s[0], *others)
 
 
