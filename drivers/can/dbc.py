@@ -63,7 +63,8 @@ class Signal:
     def bits(self, values: NDArray[np.int64]) -> NDArray[np.uint64]:
         """Encode integers (N,) into the frames' 64-bit words, little-endian; bits beyond the field are cut."""
         words = values.view(np.uint64) & np.uint64((1 << self.length) - 1)
-        words <<= np.uint64(self.shift)
+        if self.shift:
+            words <<= np.uint64(self.shift)
         return words.byteswap() if self.big_endian else words
 
 
@@ -189,7 +190,7 @@ def encode_frames(
     for of_message, message in zip(words, messages, strict=True):
         for name, integers in values[message.name].items():
             of_message |= message.signal(name).bits(integers)
-    ids, dlc = np.empty(words.T.shape, np.uint32), np.empty(words.T.shape, np.uint8)
-    ids[:], dlc[:] = [message.id for message in messages], [message.length for message in messages]
+    ids = np.tile(np.array([message.id for message in messages], np.uint32), len(at_s))
+    dlc = np.tile(np.array([message.length for message in messages], np.uint8), len(at_s))
     data = np.ascontiguousarray(words.T, "<u8").view(np.uint8).reshape(-1, 8)
-    return FrameBlock(ids.ravel(), at_s.repeat(len(messages)), dlc.ravel(), data)
+    return FrameBlock(ids, at_s.repeat(len(messages)), dlc, data)

@@ -7,6 +7,7 @@ strictly: surplus bytes, or a length that does not fit the function, are an erro
 from __future__ import annotations
 
 import logging
+import struct
 from collections.abc import Sequence
 from typing import Literal, Protocol
 
@@ -27,7 +28,8 @@ Framing = Literal["tcp", "rtu"]
 ReadFunction = Literal[3, 4]
 
 READ_HOLDING, READ_INPUT, WRITE_ONE, WRITE_MANY, REFUSED = 3, 4, 6, 16, 0x80
-_HEADER_BYTES, _CHECKSUM_BYTES = 6, 2  # before the unit over TCP; at the end of a frame on a serial line
+_HEADER = struct.Struct(">HHH")  # transaction, protocol, length of the rest: before the unit over TCP
+_HEADER_BYTES, _CHECKSUM_BYTES = _HEADER.size, 2  # the checksum ends a frame on a serial line
 _LONGEST_BYTES = 254  # the unit and 253 bytes of function and data
 _DECODER = DecodePDU(is_server=False)
 _RTU, _TCP = FramerRTU(_DECODER), FramerSocket(_DECODER)
@@ -81,7 +83,7 @@ class TcpFrames:
     def answer(self, received: bytearray) -> Pdu | None:
         """Decode the answer to the last request; one with another number, or of another unit, is dropped."""
         while len(received) > _HEADER_BYTES:
-            number, protocol, length = (int.from_bytes(received[at : at + 2], "big") for at in (0, 2, 4))
+            number, protocol, length = _HEADER.unpack_from(received)
             if protocol != 0 or not 2 <= length <= _LONGEST_BYTES:
                 received.clear()  # the start of the next frame is unknown
                 return None

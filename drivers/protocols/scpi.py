@@ -16,6 +16,7 @@ NOT_A_NUMBER = 9.9e37  # SCPI-1999 7.2.1: 9.9E37 stands for infinity, 9.91E37 fo
 NO_ERROR = 0
 
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+_INTEGER = re.compile(r"[+-]?\d{1,10}", re.ASCII)
 _ERROR = re.compile(r"""([+-]?\d{1,6})\s*,\s*(?:"((?:[^"]|"")*)"|'([^']*)'|([A-Za-z][^"',;]*))""", re.ASCII)
 _EVENT_ERRORS = {  # bit of the event status register, and its class of errors
     5: (-100, "Command error"), 4: (-200, "Execution error"), 3: (-300, "Device-specific error"),
@@ -60,7 +61,7 @@ def boolean(text: str) -> bool:
 
 def integer(text: str) -> int:
     """Decode a register, an integer without a decimal point; ValueError for anything else."""
-    if not re.fullmatch(r"[+-]?\d{1,10}", text, re.ASCII):
+    if not _INTEGER.fullmatch(text):
         raise ValueError(f"'{text}' is not a whole number")
     return int(text)
 

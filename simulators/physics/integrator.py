@@ -25,11 +25,9 @@ class Integrator:
         if not pulses.size:
             return np.empty(pulses.shape, np.int64), np.empty(pulses.shape, np.int64)
         charge = self._residue + pulses.cumsum(-1)
-        net = _fired(charge)
-        fired_up = net.copy()
-        fired_up[..., 1:] -= net[..., :-1]
-        np.maximum(fired_up, 0, out=fired_up)
-        fired_up = fired_up.cumsum(-1)
+        net, fired_up = np.empty_like(charge), np.empty_like(charge)
+        for row in np.ndindex(charge.shape[:-1]):
+            net[row], fired_up[row] = _fired(pulses[row], charge[row])
         self._residue = charge[..., -1:] - net[..., -1:]
         positive, negative = fired_up.astype(np.int64), (fired_up - net).astype(np.int64)
         positive += self.positive
@@ -74,16 +72,28 @@ def _extremes(pulses: Array) -> tuple[Counts, Array]:
     return turns + later, np.where(later, extreme, two + extreme)
 
 
-def _fired(charge: Array) -> Array:
-    """Net counts after a charge (…, n), which may reverse; initially no pulses.
+def _fired(pulses: Array, charge: Array) -> tuple[Array, Array]:
+    """Net and + counts after each of the increments of a charge (n,); initially no pulses."""
+    if pulses.min() >= 0:
+        net = np.maximum(np.floor(charge), 0.0)
+        return net, net
+    if pulses.max() <= 0:
+        return np.minimum(np.ceil(charge), 0.0), np.zeros_like(charge)
+    net = _net(charge)
+    steps = np.diff(net, prepend=0.0)
+    return net, np.maximum(steps, 0.0, out=steps).cumsum()
+
+
+def _net(charge: Array) -> Array:
+    """Net counts after a charge (n,), which may reverse; initially no pulses.
 
     A pulse is fired when charge and net count differ by a whole pulse: the net count is limited to the integers below
     and above the charge, and changes when one of these limits passes it.
     """
     low, fired = np.floor(charge), np.ceil(charge)
-    up, changes = low[..., 1:] > low[..., :-1], np.ones(charge.shape, np.bool_)
-    np.logical_or(up, fired[..., 1:] < fired[..., :-1], out=changes[..., 1:])
-    np.clip(0.0, low[..., :1], fired[..., :1], out=fired[..., :1])
-    np.copyto(fired[..., 1:], low[..., 1:], where=up)
+    up, changes = low[1:] > low[:-1], np.ones(len(charge), np.bool_)
+    np.logical_or(up, fired[1:] < fired[:-1], out=changes[1:])
+    fired[0] = min(max(0.0, low[0]), fired[0])
+    np.copyto(fired[1:], low[1:], where=up)
     at = np.flatnonzero(changes)
-    return fired.ravel()[at].repeat(np.diff(at, append=charge.size)).reshape(charge.shape)
+    return fired[at].repeat(np.diff(at, append=len(charge)))

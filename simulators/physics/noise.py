@@ -26,10 +26,8 @@ class Wander:
         """Present value, and values after each of a number of steps."""
         keep = math.exp(-step_s / INSTABILITY_S)
         spread, value = math.sqrt(1 - keep * keep) * self._sd, self._value
-        found = [value]
-        for fresh in self._draws.standard_normal(steps).tolist():
-            value = keep * value + spread * fresh
-            found.append(value)
+        drawn = self._draws.standard_normal(steps).tolist()
+        found = [value, *[value := keep * value + spread * fresh for fresh in drawn]]
         self._value = value
         return found
 

@@ -77,7 +77,7 @@ class Thermal:
         for index in range(len(units)):
             state[_FIRST_UNIT + _PER_UNIT * index : _FIRST_UNIT + _PER_UNIT * index + 3] = chamber.start_c
         state[_FIRST_UNIT + _PER_UNIT * len(units) :] = chamber.start_c
-        self._state = state
+        self._state: list[float] = state.tolist()  # single values are read far more often than all are advanced
 
     @property
     def now_s(self) -> float:
@@ -90,7 +90,7 @@ class Thermal:
             end_s = min(to_s, self._ramp_end_s) if self._state[_SET_POINT_RATE] else to_s
             ticks = round(end_s * _STEPS_PER_S) - self._ticks
             if ticks > 0:
-                self._state = self._propagator(ticks) @ self._state
+                self._state = (self._propagator(ticks) @ np.array(self._state)).tolist()
                 self._ticks += ticks
             if not self._state[_SET_POINT_RATE] or to_s < self._ramp_end_s:
                 return
@@ -146,24 +146,24 @@ class Thermal:
     @property
     def _air_target_c(self) -> float:
         """Target of the air, without the effect of the door."""
-        return float(self._state[_SET_POINT] - self._door_effect_c)
+        return self._state[_SET_POINT] - self._door_effect_c
 
     @property
     def air_c(self) -> float:
         """Air temperature at the chamber's own sensor."""
-        return float(self._state[_AIR] + self._state[_CYCLE])
+        return self._state[_AIR] + self._state[_CYCLE]
 
     def case_c(self, unit: int) -> float:
         """Case temperature of a unit."""
-        return float(self._state[_FIRST_UNIT + _PER_UNIT * unit])
+        return self._state[_FIRST_UNIT + _PER_UNIT * unit]
 
     def board_c(self, unit: int) -> float:
         """Temperature of the converter board of a unit that has it in the chamber."""
-        return float(self._state[self._boards[unit]])
+        return self._state[self._boards[unit]]
 
     def board_thermometer_c(self, unit: int) -> float:
         """Temperature of an ideal thermometer with lag at that board."""
-        return float(self._state[self._boards[unit] + 1])
+        return self._state[self._boards[unit] + 1]
 
     def board_rate_c_per_s(self, unit: int) -> float:
         """Rate of that board's temperature."""
@@ -172,16 +172,16 @@ class Thermal:
 
     def sensor_c(self, unit: int) -> float:
         """Temperature of the sensor inside a unit."""
-        return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 1])
+        return self._state[_FIRST_UNIT + _PER_UNIT * unit + 1]
 
     def thermometer_c(self, unit: int) -> float:
         """Temperature of an ideal thermometer with lag at the unit."""
-        return float(self._state[_FIRST_UNIT + _PER_UNIT * unit + 2])
+        return self._state[_FIRST_UNIT + _PER_UNIT * unit + 2]
 
     def sensor_rate_c_per_s(self, unit: int) -> float:
         """Rate of the sensor temperature inside a unit."""
         first = _FIRST_UNIT + _PER_UNIT * unit
-        return float((self._state[first] - self._state[first + 1]) / self._units[unit].sensor_s)
+        return (self._state[first] - self._state[first + 1]) / self._units[unit].sensor_s
 
     def _propagator(self, ticks: int) -> Matrix:
         """Transition matrix over `ticks` milliseconds: product of those over powers of two, made by squaring."""

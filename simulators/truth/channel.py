@@ -74,15 +74,16 @@ class _Channel:
 
 
 def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
+    begin_s, end_s = world.true_time(level.begin_s), world.true_time(level.end_s)
     if level.place in world.units:
         unit = world.units[level.place]
-        history = unit.board.history.rows
+        history = unit.board.history.around(begin_s, end_s)
         along, output, pendulous = gravity_in_unit(world, unit, level.orientation)
         force_g = np.array([along, pendulous, output])
         return _Channel(unit.truth, (history[:, 0], history[:, -1]), unit.settings.through, force_g)
     imu = world.imus[level.place]
     axis = CHANNELS.index(level.sensor)
-    known = ImuState.of(imu.history)
+    known = ImuState.of(imu.history.around(begin_s, end_s))
     upward = gravity_in_unit(world, imu, level.orientation)
     force_g = np.roll(upward, -axis)  # its pendulous and output axes are the next two
     through = imu.settings.decodings.get(level.sensor)
@@ -91,8 +92,9 @@ def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
 
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
     channel = _channel_of(world, level)
-    at_s = np.arange(world.true_time(level.begin_s), world.true_time(level.end_s), EVERY_S)
-    history = _board_of(world, level.place).history.rows
+    begin_s, end_s = world.true_time(level.begin_s), world.true_time(level.end_s)
+    at_s = np.arange(begin_s, end_s, EVERY_S)
+    history = _board_of(world, level.place).history.around(begin_s, end_s)
     board_c, thermometer_c, sensor_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:4])
     input_a = level.source_a
     if input_a is None:

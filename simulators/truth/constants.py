@@ -111,9 +111,9 @@ def turning_record(world: World, turns: Sequence[LegAsMeasured]) -> dict[str, An
     found: dict[str, dict[str, float]] = {}
     for turn in turns:
         if turn.place in world.gyros:
-            history = world.gyros[turn.place].history.rows
-            history = history[history[:, 0].argsort(kind="stable")]
             true_s = world.true_time((turn.begin_s + turn.end_s) / 2)
+            history = world.gyros[turn.place].history.around(true_s, true_s)
+            history = history[history[:, 0].argsort(kind="stable")]
             found.setdefault(turn.place, {})[turn.key] = float(np.interp(true_s, history[:, 0], history[:, 1]))
     return {"gyros_c": found} if found else {}
 
@@ -214,10 +214,9 @@ def _base(force_g: Array) -> list[str]:
 def _dwell(world: World, dwell: DwellAsMeasured, extra: Sequence[str]) -> dict[str, Any]:
     """State and constants of a unit in the middle of a dwell, with the further terms `extra`."""
     unit, settings = world.units[dwell.place], world.settings
-    true_s = world.true_time(dwell.at_s)
-    history = unit.history.rows
+    true_s, each_s = world.true_time(dwell.at_s), [world.true_time(at_s) for at_s in dwell.each_s]
+    history = unit.history.around(min([true_s, *each_s]), max([true_s, *each_s]))
     drifted_g = float(np.interp(true_s, history[:, 0], history[:, 1] - history[:, -1]))
-    each_s = [world.true_time(at_s) for at_s in dwell.each_s]
     by_input_g = np.interp(each_s, history[:, 0], history[:, -1]).tolist() if history[:, -1].any() else []
     stepped = {name: float(np.interp(true_s, history[:, 0], history[:, column])) for name, column in STEPPED.items()}
     force_g = np.array(_forces_g(world, dwell))
@@ -261,7 +260,7 @@ def noiseless_output(world: World, reading: LegAsMeasured) -> float:
     """Output of the noiseless channel in the middle of a reading, in the attitude stated by the bench."""
     unit = world.units[reading.place]
     true_s = world.true_time((reading.begin_s + reading.end_s) / 2)
-    history = unit.history.rows
+    history = unit.history.around(true_s, true_s)
     drifted_g, moving_g, sensor_c = (np.interp([true_s], history[:, 0], row) for row in history.T[1:4])
     along, across, pendulous = gravity_in_unit(world, unit, reading.orientation)
     current_a = unit.truth.current_a((along, pendulous, across), sensor_c, drifted_g + moving_g)
@@ -277,7 +276,7 @@ def _leg(world: World, leg: LegAsMeasured) -> dict[str, Any]:
     unit = world.units[leg.place]
     cut_s = np.arange(leg.begin_s + LEG_EVERY_S / 2, leg.end_s - LEG_EVERY_S / 2 - LAST_LATCH_S, LEG_EVERY_S)
     at_s = np.array([world.true_time(each_s) for each_s in cut_s.tolist()])
-    history = unit.history.rows
+    history = unit.history.around(world.true_time(leg.begin_s), world.true_time(leg.end_s))
     drifted_g, moving_g, sensor_c, thermometer_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:5])
     axis_rad = np.full_like(at_s, np.radians(_axis_deg(world, leg.place, leg.orientation)))
     through = unit.settings.through

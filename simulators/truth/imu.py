@@ -43,10 +43,10 @@ def imu_record(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, A
 def _drifted(world: World, windows: Sequence[WindowAsMeasured]) -> dict[str, dict[str, list[float]]]:
     """Drift of the biases in the middle of each window, and temperatures of the sensors."""
     names = ("accelerometers_g", "gyros_dps", "moving_g", "sensors_c")
-    known = {place: ImuState.of(imu.history)._asdict() for place, imu in world.imus.items()}
     found = {}
     for window in (each for each in windows if each.place in world.imus):
-        of_unit, true_s = known[window.place], world.true_time(window.at_s)
+        true_s = world.true_time(window.at_s)
+        of_unit = ImuState.of(world.imus[window.place].history.around(true_s, true_s))._asdict()
         found[window.key] = {
             name: [float(np.interp(true_s, of_unit["true_s"], each)) for each in of_unit[name]] for name in names
         }

@@ -57,7 +57,7 @@ def _ladder(world: World, ladder: LadderAsMeasured) -> dict[str, float]:
 def _state(world: World, ladder: LadderAsMeasured) -> list[float]:
     """State of the unit in the middle of the staircase, as a UnitState."""
     true_s = world.true_time(ladder.at_s)
-    history = world.units[ladder.place].history.rows
+    history = world.units[ladder.place].history.around(true_s, true_s)
     return [float(np.interp(true_s, history[:, 0], row)) for row in history.T]
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import Annotated
 
 import numpy as np
@@ -187,10 +189,26 @@ class Hysteresis:
 
     def bias_g(self, temperature_c: float) -> float:
         """Bias after the temperature has reached `temperature_c`."""
-        self._play = [
-            max(temperature_c - r, min(temperature_c + r, y)) for r, y in zip(self._thresholds, self._play, strict=True)
-        ]
-        return self._gain * math.fsum(temperature_c - y for y in self._play) + self._after_jumps_g(temperature_c)
+        return self.follow([temperature_c])[0]
+
+    def follow(self, course_c: Sequence[float]) -> list[float]:
+        """Bias after each of the consecutive temperatures."""
+        lags_c = [self._lags_c(number, course_c) for number in range(len(self._thresholds))]
+        sums_c = map(math.fsum, zip(*lags_c, strict=True)) if lags_c else repeat(0.0)
+        jumped_g = [self._after_jumps_g(each_c) for each_c in course_c] if self._to_come else repeat(self._jumped_g)
+        return [self._gain * sum_c + jump_g for sum_c, jump_g, _ in zip(sums_c, jumped_g, course_c, strict=False)]
+
+    def _lags_c(self, number: int, course_c: Sequence[float]) -> list[float]:
+        """Difference of each temperature from the play operator of one threshold after it."""
+        threshold_c, play_c, lags_c = self._thresholds[number], self._play[number], []
+        for each_c in course_c:
+            if play_c < each_c - threshold_c:
+                play_c = each_c - threshold_c
+            elif play_c > each_c + threshold_c:
+                play_c = each_c + threshold_c
+            lags_c.append(each_c - play_c)
+        self._play[number] = play_c
+        return lags_c
 
     def _after_jumps_g(self, temperature_c: float) -> float:
         """Sum of the jumps whose temperatures have been passed in a rise."""

@@ -167,7 +167,7 @@ class SimulatedUnit:
         """Bias from hysteresis at times from the begin to the end, about a second apart."""
         seconds_s = np.linspace(begin_s, end_s, 1 + math.ceil((end_s - begin_s) / HYSTERESIS_STEP_S))
         course_c = self.temperatures.course.sensor_c(seconds_s[1:])
-        followed_g = [self._hysteresis_g, *map(self._hysteresis.bias_g, course_c.tolist())]
+        followed_g = [self._hysteresis_g, *self._hysteresis.follow(course_c.tolist())]
         self._hysteresis_g = followed_g[-1]
         return seconds_s, followed_g
 

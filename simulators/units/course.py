@@ -71,8 +71,9 @@ class Course:
 
 
 def straight(corners_s: Array, values: Array, at_s: Array) -> Array:
-    """Rows of values (c, k) at the corners (k,), interpolated at times (n,) between the first and the last: (c, n)."""
-    piece = np.searchsorted(corners_s[1:-1], at_s, side="right")
+    """Rows of values (c, k) at the corners (k,), interpolated at times (n,) from the first to the last: (c, n)."""
+    begins = np.searchsorted(at_s, corners_s[1:-1])
+    piece = np.arange(len(corners_s) - 1).repeat(np.diff(begins, prepend=0, append=len(at_s)))
     part = (at_s - corners_s.take(piece)) / np.diff(corners_s).take(piece)
     found = np.diff(values).take(piece, axis=1)
     found *= part

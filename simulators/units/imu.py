@@ -52,9 +52,9 @@ class ImuState(NamedTuple):
     sensors_c: Array
 
     @classmethod
-    def of(cls, history: History) -> ImuState:
-        """All that a unit has been."""
-        true_s, *others = np.split(history.rows.T, np.cumsum([1, *(len(NAMES),) * 3]))
+    def of(cls, rows: Array) -> ImuState:
+        """States in rows of a history."""
+        true_s, *others = np.split(rows.T, np.cumsum([1, *(len(NAMES),) * 3]))
         return cls(true_s[0], *others)
 
 
@@ -229,7 +229,7 @@ class SimulatedImu:
         """
         sensors_c = self.temperatures.sensors_c(corners_s)
         followed_g = [
-            [play.bias_g(each_c) for each_c in course_c]
+            play.follow(course_c)
             for play, course_c in zip(self._hysteresis, sensors_c[: len(NAMES), 1:].tolist(), strict=True)
         ]
         hysteresis_g = np.concatenate([self._hysteresis_g, followed_g], axis=1)

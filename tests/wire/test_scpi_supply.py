@@ -42,9 +42,9 @@ def test_the_question_for_the_state_is_one_message() -> None:
 
 
 def test_protections_are_asked_in_the_same_message() -> None:
-    query = wire.state_query(["over_voltage", "over_current"])
+    query = wire.state_query(("over_voltage", "over_current"))
     assert query == wire.STATE_QUERY + b";:VOLT:PROT:TRIP?;:CURR:PROT:TRIP?"
-    state = wire.read_state(b"0;0;0;15.000;0.2000;1;0", ["over_voltage", "over_current"])
+    state = wire.read_state(b"0;0;0;15.000;0.2000;1;0", ("over_voltage", "over_current"))
     assert (state.tripped, state.setting.output) == (("over_voltage",), False)
     assert wire.read_maximum(b"32.000;+3.0000E+00") == (32.0, 3.0)
 
@@ -125,8 +125,8 @@ def test_the_watchdog_is_asked_in_the_same_message() -> None:
     query = wire.state_query(["over_voltage"], watchdog=True)
     assert query.endswith(b";:VOLT:PROT:TRIP?;:OUTP:PROT:WDOG?;:OUTP:PROT:WDOG:DEL?;:STAT:QUES:COND?")
     line = b"15;0.06;1;15;0.2;0;1;+3.0E+01;+0"
-    assert wire.read_state(line, ["over_voltage"], watchdog=True).setting == ARMED
-    tripped = wire.read_state(b"0;0;1;15;0.2;0;1;30;2048", ["over_voltage"], watchdog=True)
+    assert wire.read_state(line, ("over_voltage",), watchdog=True).setting == ARMED
+    tripped = wire.read_state(b"0;0;1;15;0.2;0;1;30;2048", ("over_voltage",), watchdog=True)
     assert (tripped.tripped, tripped.setting.output) == (("watchdog",), True)
     assert wire.read_state(b"15;0.06;1;15;0.2;0;30;0", watchdog=True).setting.watchdog_s == 0.0
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from enum import Enum, IntFlag
+from functools import lru_cache
 from typing import NamedTuple
 
 from drivers.protocols.texts import decimal, matched
@@ -159,6 +160,7 @@ class Move(NamedTuple):
 _MOVE = re.compile(r"(\w+) ([+-]?[\d.]+)(?: (?:\1)?F ?([\d.]+))?", re.ASCII)
 
 
+@lru_cache(maxsize=256)
 def parse_command(line: bytes) -> Command:
     """Parse a line into word and arguments, in parentheses or after a space; ValueError."""
     words = re.findall(r"[^\s(),]+", line.decode("ascii").upper())

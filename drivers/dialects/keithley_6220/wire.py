@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntFlag
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 from drivers.kinds.source.setting import Commands, Setting
@@ -54,11 +55,15 @@ def step_a(range_a: float) -> float:
     return range_a * (1e-4 if range_a == RANGES_A[-1] else 5e-5)
 
 
+_CONDITIONS = sum(Condition)
+
+
+@lru_cache(maxsize=64)  # a source that is left alone gives the same answer
 def read_state(line: bytes) -> State:
     """Decode the answer to STATE_QUERY; ValueError."""
     range_, auto, level, compliance, output, condition = scpi.answers(line, 6)
     setting = Setting(scpi.number(range_), scpi.number(level), scpi.number(compliance), scpi.boolean(output))
-    return State(setting, scpi.boolean(auto), Condition(scpi.integer(condition) & sum(Condition)))
+    return State(setting, scpi.boolean(auto), Condition(scpi.integer(condition) & _CONDITIONS))
 
 
 def next_step(now: State, wanted: Setting) -> str:

@@ -24,7 +24,7 @@ class ScpiSupply(ScpiOutput[State, Setting]):
     def __init__(self, setup: Setup[SupplyOptions, SupplyLimits, Nothing]) -> None:
         self._limits, self._options, self._note = setup.limits, setup.options, setup.note
         self._watchdog_s = float(round(setup.options.watchdog or 0))
-        trips, watched = [trip for trip in wire.TRIPS if trip in setup.options.answers], bool(self._watchdog_s)
+        trips, watched = tuple(trip for trip in wire.TRIPS if trip in setup.options.answers), bool(self._watchdog_s)
         super().__init__(setup, Dialect(
             wire.OFF, wire.state_query(trips, watchdog=watched),
             partial(wire.read_state, trips=trips, watchdog=watched),

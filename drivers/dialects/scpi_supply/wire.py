@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from drivers.protocols import scpi
 
@@ -71,7 +72,8 @@ def state_query(trips: Sequence[str], *, watchdog: bool = False) -> bytes:
     return b";:".join([STATE_QUERY, *(TRIPS[trip] for trip in trips), *([WATCHDOG_QUERY] if watchdog else [])])
 
 
-def read_state(line: bytes, trips: Sequence[str] = (), *, watchdog: bool = False) -> State:
+@lru_cache(maxsize=64)  # a supply with a steady load gives the same answer
+def read_state(line: bytes, trips: tuple[str, ...] = (), *, watchdog: bool = False) -> State:
     """Decode the answer to `state_query`; ValueError."""
     voltage, current, output, level, limit, *further = scpi.answers(line, 5 + len(trips) + 3 * watchdog)
     tripped = [trip for trip, has in zip(trips, further, strict=False) if scpi.boolean(has)]

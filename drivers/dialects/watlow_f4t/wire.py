@@ -104,6 +104,9 @@ class LoopFormat:
         return LoopBlock(self.value(words[:2]), words[mode], self.value(words[-2:]))
 
 
+_MODE_NAMES = {int(mode): mode.name.lower() for mode in ControlMode}
+
+
 def mode_name(mode: int) -> str:
     """Name of a control mode on the controller's display."""
-    return ControlMode(mode).name.lower() if mode in list(ControlMode) else f"unknown ({mode})"
+    return _MODE_NAMES.get(mode) or f"unknown ({mode})"

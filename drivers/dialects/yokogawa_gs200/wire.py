@@ -48,6 +48,7 @@ class Condition(IntFlag):
     EMERGENCY = 1 << 13
 
 
+_CONDITIONS = sum(Condition)
 NO_CONDITION = Condition(0)
 LIMITING = Condition.LOW_LIMITING | Condition.HIGH_LIMITING
 
@@ -77,7 +78,7 @@ def read_state(line: bytes) -> State:
     if function not in FUNCTIONS:
         raise ValueError(f"'{function}' is neither CURR nor VOLT")
     setting = Setting(scpi.number(range_), scpi.number(level), scpi.number(compliance), scpi.boolean(output))
-    return State(FUNCTIONS[function], setting, Condition(scpi.integer(condition) & sum(Condition)))
+    return State(FUNCTIONS[function], setting, Condition(scpi.integer(condition) & _CONDITIONS))
 
 
 def next_step(now: State, wanted: Setting) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import ClassVar, Self
 
 from drivers.dialects.aerotech_ensemble import wire
@@ -108,7 +109,7 @@ class SimulatedEnsemble:
             command = wire.parse_command(line)
             if (text := " ".join([command.word, *command.arguments])) in _ACCEPTED:
                 return wire.render(self._of_the_controller(text))
-            given = self._apart(command.arguments)
+            given = _apart(command.arguments, self._axis)
             if command.word == "RAMP":
                 return wire.render(self._set_ramp(given))
             axis, *arguments = given
@@ -123,12 +124,6 @@ class SimulatedEnsemble:
             self.faults.do(lambda: self._words[word](arguments), ValueError)
             return _DONE
         return self._words[word](arguments)
-
-    def _apart(self, arguments: Sequence[str]) -> list[str]:
-        """Normalise arguments, axis by name and separate from its number: `X1.0 XF10.0` equals `@0 1.0 F 10.0`."""
-        text = " ".join(arguments).replace("@0", self._axis)
-        text = re.sub(rf"\b{self._axis}(?=[+-]?[.\d])", f"{self._axis} ", text)
-        return re.sub(rf"\b(?:{self._axis})?F\s*(?=[.\d])", "F", text).split()
 
     def left_s(self) -> float:
         """Remaining time of the current motion (s)."""
@@ -269,7 +264,7 @@ class EnsembleSession(DelayedAnswers):
         while self._lines and not self._homes:
             line = self._lines.popleft()
             answer = self._controller.execute(line)
-            self._homes = line.upper().split()[:1] == [_HOME.encode()] and answer == wire.render(_DONE)
+            self._homes = answer == wire.render(_DONE) and line.upper().split()[:1] == [_HOME.encode()]
             if self._homes:
                 self._later(self._controller.left_s(), self._home_is_over)
             else:
@@ -279,6 +274,14 @@ class EnsembleSession(DelayedAnswers):
     def _home_is_over(self) -> bytes:
         self._homes = False
         return wire.render(_FAULT if self._controller.has_fault else _DONE) + self._next_replies()
+
+
+@lru_cache(maxsize=256)
+def _apart(arguments: tuple[str, ...], axis: str) -> tuple[str, ...]:
+    """Normalise arguments, axis by name and separate from its number: `X1.0 XF10.0` equals `@0 1.0 F 10.0`."""
+    text = " ".join(arguments).replace("@0", axis)
+    text = re.sub(rf"\b{axis}(?=[+-]?[.\d])", f"{axis} ", text)
+    return tuple(re.sub(rf"\b(?:{axis})?F\s*(?=[.\d])", "F", text).split())
 
 
 def _named(parameter: str) -> str:

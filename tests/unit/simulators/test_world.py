@@ -426,7 +426,7 @@ def test_temperatures_of_frames_left_for_a_minute_are_those_of_frames_taken_ever
         lab.world.ramp(50.0, 3 / 60)
         for clock_s[0] in range(every_s, 600 + 1, every_s):
             node.take()
-        known = ImuState.of(imu.history)
+        known = ImuState.of(imu.history.rows)
         return np.concatenate([np.interp(range(600), known.true_s, course_c) for course_c in known.sensors_c])
 
     assert sensors_c(60) == pytest.approx(sensors_c(2), abs=0.001)
