@@ -380,7 +380,12 @@ def test_a_run_without_a_report_loads_no_page_no_plot_no_server_and_no_archive(t
     never = "matplotlib jinja2 fastapi starlette uvicorn httpx deltalake h5py lxml scipy.optimize scipy.stats"
     ours = "bench.report.page bench.report.html bench.station bench.web bench.archive bench.campaign"
     command = after_command("run", "smoke", "--bench", "simulated", "--no-report", "--runs", str(tmp_path))
-    assert loaded(command, f"{never} {ours} bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+    assert loaded(command, f"{never} {ours} rich.console bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+
+
+def test_what_a_run_needs_until_its_end_loads_no_part_of_scipy():
+    parts = "scipy.linalg scipy.spatial scipy.special numpy.f2py numpy.testing"
+    assert loaded("import bench.app.execute", f"{parts} simulators.physics.thermal") == ["simulators.physics.thermal"]
 
 
 def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_others():
