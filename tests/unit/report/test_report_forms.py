@@ -144,7 +144,7 @@ def test_every_form_of_a_report_has_its_name(run):
 
 def test_garbage_is_seldom_collected_while_a_report_is_written_and_as_before_afterwards(run, monkeypatch, tmp_path):
     before, meanwhile = gc.get_threshold(), []
-    monkeypatch.setitem(FORMS, "json", lambda _: bytes(meanwhile.append(gc.get_threshold()[0]) or 0))
+    monkeypatch.setitem(FORMS, "json", lambda _: meanwhile.append(gc.get_threshold()[0]) or b"")
     with open_run(run.path) as stored:
         write_report(stored, "json", out=tmp_path / "results.json")
         assert meanwhile == [NEW_OBJECTS]
