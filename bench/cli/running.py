@@ -191,11 +191,12 @@ def _is_confirmed() -> bool:
 
 
 def _executed(prepared: PreparedRun, resumption: Resumption | None, *, as_json: bool) -> int:
-    from bench.app.execute import execute
-    from bench.app.service import Service
-    from bench.runner.notify import notify
-    from bench.runner.progress import TerminalProgress
-    from bench.runner.signals import Signals
+    with uncollected():
+        from bench.app.execute import execute
+        from bench.app.service import Service
+        from bench.runner.notify import notify
+        from bench.runner.progress import TerminalProgress
+        from bench.runner.signals import Signals
 
     with Signals() as signals:
         with TerminalProgress(prepared.plan, prepared.loaded.bench, prepared.speed) as progress:

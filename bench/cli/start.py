@@ -6,13 +6,15 @@ import gc
 import sys
 import traceback
 
+from bench.cli.collection import uncollected
 from bench.cli.exits import BENCH_ERROR
 
 
 def run() -> None:
     """Run the command line."""
     try:
-        from bench.cli.main import run as command
+        with uncollected():
+            from bench.cli.main import run as command
     except (Exception, SystemExit):  # noqa: BLE001  on any error: the unit has not failed
         traceback.print_exc()
         sys.exit(BENCH_ERROR)

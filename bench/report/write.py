@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import gc
 import io
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -25,12 +27,25 @@ from bench.report.revision import replacing, revision_of, writing
 from bench.store.runs import MANIFEST, json_text
 
 REPORT = "report"
+NEW_OBJECTS = 5000  # between two collections of garbage while a report is written; 700 in Python
 COLUMNS = (
     "id", "uut", "quantity", "name", "at", "value", "unit", "u", "k", "dof", "min", "max", "guard", "u_max", "verdict",
     "marginal", "flags",
 )  # fmt: skip
 
 
+@contextmanager
+def seldom_collected() -> Iterator[None]:
+    """Collect garbage less often in the block: what a page is made of stays until it is written."""
+    before = gc.get_threshold()
+    gc.set_threshold(NEW_OBJECTS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+@seldom_collected()
 def write_report(run: StoredRun, form: str = "html", lang: str = ENGLISH, out: Path | None = None) -> Path:
     """Evaluate a run, finished or not, and write `report.html`, or another form, to its directory or to a file `out`.
 
@@ -76,6 +91,7 @@ def expect_not_approved(folder: Path) -> None:
         )
 
 
+@seldom_collected()
 def report_to_issue(run: StoredRun, form: str, lang: str, approval: Mapping[str, Any]) -> bytes:
     """Return the report of a run with an approval that is not in its directory yet; `form` is html or pdf."""
     with language(lang):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import uuid
 from collections.abc import Mapping
 from datetime import datetime
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from typing import Any
 
 from bench.config.models import BenchFile
@@ -47,11 +48,23 @@ def opening(
         "units": [_unit(bench, place, serial) for place, serial in serials.items()],
         "instruments": {},
         "hashes": {},
-        "software": {name: version(name) for name in _PROGRAMS},
-        "host": {"name": platform.node(), "python": platform.python_version(), "system": platform.platform()},
+        "software": {name: version_of(name) for name in _PROGRAMS},
+        "host": {"name": platform.node(), "python": platform.python_version(), "system": _system()},
         "process": os.getpid(),
         "problems": [],
     }
+
+
+def version_of(program: str) -> str:
+    """Return the version of an installed distribution, from the line of its metadata."""
+    # Python parses the whole file, with the licence and the description, as a mail
+    found = re.search(r"^Version: *(\S+)", distribution(program).read_text("METADATA") or "", re.MULTILINE)
+    return found[1] if found else version(program)
+
+
+def _system() -> str:
+    """Return kernel, machine and C library; `platform.platform()` starts a program for the name of the processor."""
+    return f"{platform.system()}-{platform.release()}-{platform.machine()}-with-{''.join(platform.libc_ver())}"
 
 
 def _unit(bench: BenchFile, place: str, serial: str) -> dict[str, Any]:

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 from zoneinfo import ZoneInfo
 
 from rich.cells import cell_len
-from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn
-from rich.table import Column
-from rich.text import Text
 
 from bench.clock import Clock, Stopwatch, wall_utc
 from bench.config.channels import channels_of
@@ -26,10 +21,11 @@ from bench.sequence.estimate.estimate import Estimate
 from bench.sequence.language.readings import unit_of
 from bench.sequence.plan.plan import Plan, PlannedStep
 
+if TYPE_CHECKING:  # a run without a terminal draws no bar
+    from bench.runner.bar import Bar
+
 LINE_EVERY_SHARE = 0.1  # share of the run between lines without a terminal
 BAR_STRIDE = 0.002  # share of the run by which the bar moves within a step
-BAR_CELLS = 16
-MARGIN_CELLS = BAR_CELLS + 8  # bar, percentage and gaps between the columns
 STEP_CELLS = 24  # minimum of a step's id that is shown
 GAP = "  "
 
@@ -47,10 +43,10 @@ class TerminalProgress:
         self._steps, self._bench, self._speed = len(plan), bench, speed
         self._zone = bench.site.time_zone
         self._stale_after_s = {name: channel.stale_after_s for name, channel in channels_of(bench).items()}
-        self._console = Console(stderr=True)
         self._watch = Stopwatch()
         self._spans_s: list[tuple[float, float]] = []
         self._total_s = 1.0
+        self._done_s = 0.0  # of the total
         self.readings: dict[str, Judged] = {}
         self.notices: list[str] = []
         self._step, self._held_by, self._asks = "opening the bench", "", False
@@ -58,32 +54,30 @@ class TerminalProgress:
         self._next_stride_s = 0.0
         self._step_late_s = 0.0  # delay of the start of the step against the estimate
         self._step_ends_s = 0.0
-        columns: tuple[ProgressColumn, ...] = (
-            BarColumn(bar_width=BAR_CELLS),
-            TaskProgressColumn(),
-            _Line(lambda: self.line(self._console.width - MARGIN_CELLS)),
-        )
-        self._progress = Progress(*columns, console=self._console, transient=True, refresh_per_second=5)
-        self._task = self._progress.add_task("", total=1.0)
         self._began_s = 0.0  # by the clock of the readings, in real time that of the computer
         self.now_s = 0.0  # since the run began
+        self._bar: Bar | None = None
+        if sys.stderr.isatty():
+            from bench.runner.bar import Bar
+
+            self._bar = Bar(self.line)
 
     def __enter__(self) -> Self:
         """Start drawing."""
-        if self._console.is_terminal:
-            self._progress.start()
+        if self._bar is not None:
+            self._bar.start()
         return self
 
     def __exit__(self, *exc: object) -> None:
         """Clear the display."""
-        self._progress.stop()
+        if self._bar is not None:
+            self._bar.stop()
 
     def run_begins(self, path: Path, expected: Estimate, clock: Clock) -> None:
         """Show the directory and the start time."""
         self._spans_s = [(span.begin_s, span.end_s) for span in expected.spans]
         self._total_s = max(expected.total_s, 1.0)
         self._began_s = clock.monotonic()
-        self._progress.update(self._task, total=self._total_s)
         begins = instant(clock.utc().isoformat(), self._zone)
         self.notice(f"run {path}, about {duration(self._total_s)} of bench time, from {begins}")
 
@@ -92,15 +86,15 @@ class TerminalProgress:
         expected_s, self._step_ends_s = self._spans_s[index]
         self._step_late_s = self.now_s - expected_s
         self._step, self._asks = f"{index + 1}/{self._steps} {planned.id}", False
-        self._progress.update(self._task, completed=expected_s)
+        self._advance(expected_s)
         share = expected_s / self._total_s
-        if not self._console.is_terminal and share >= self._next_line:
+        if self._bar is None and share >= self._next_line:
             self._next_line = share + LINE_EVERY_SHARE
             self.notice(f"{share:4.0%}{GAP}{duration(self.now_s):>11}{GAP}{planned.id}")
 
     def step_ended(self, planned: PlannedStep, index: int) -> None:
         """Advance the bar past a finished step."""
-        self._progress.update(self._task, completed=self._step_ends_s)
+        self._advance(self._step_ends_s)
 
     def reading(self, name: str, reading: Judged) -> None:
         """Show a new reading; within a step the bar follows bench time, in strides."""
@@ -110,7 +104,12 @@ class TerminalProgress:
         self.now_s = reading.at_s - self._began_s
         if self.now_s >= self._next_stride_s:
             self._next_stride_s = self.now_s + BAR_STRIDE * self._total_s
-            self._progress.update(self._task, completed=min(self.now_s - self._step_late_s, self._step_ends_s))
+            self._advance(min(self.now_s - self._step_late_s, self._step_ends_s))
+
+    def _advance(self, done_s: float) -> None:
+        self._done_s = done_s
+        if self._bar is not None:
+            self._bar.show(done_s / self._total_s)
 
     def asked(self, question: Question) -> None:
         """Show an open question."""
@@ -125,8 +124,8 @@ class TerminalProgress:
     def notice(self, text: str) -> None:
         """Show a notice."""
         self.notices.append(text)
-        if self._console.is_terminal:
-            self._console.print(Text(text))
+        if self._bar is not None:
+            self._bar.print(text)
         else:
             sys.stderr.write(text + "\n")
 
@@ -151,7 +150,7 @@ class TerminalProgress:
 
     def ends(self) -> str:
         """Return the expected end by the clock of the bench's zone; at full speed from the pace so far."""
-        done = self._progress.tasks[self._task].completed / self._total_s
+        done = self._done_s / self._total_s
         if self._speed < math.inf:
             to_go_s = self._total_s * (1 - done) / self._speed
         elif done > 0.01:
@@ -188,14 +187,3 @@ def _day_and_time(now: datetime, later_s: float, zone: str) -> str:
     there = now.astimezone(ZoneInfo(zone))
     then = (now + timedelta(seconds=later_s)).astimezone(ZoneInfo(zone))
     return f"{then:%H:%M}" if then.date() == there.date() else f"{then:%a %H:%M}"
-
-
-class _Line(ProgressColumn):
-    """Column that reads its text each time it is drawn, and is never wrapped."""
-
-    def __init__(self, text: Callable[[], str]) -> None:
-        super().__init__(table_column=Column(no_wrap=True, overflow="ellipsis"))
-        self._text = text
-
-    def render(self, task: Task) -> Text:
-        return Text(self._text(), no_wrap=True, overflow="ellipsis")

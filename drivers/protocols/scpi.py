@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from functools import lru_cache
+from itertools import product
 from typing import NamedTuple
 
 from drivers.protocols.texts import matched
@@ -22,7 +23,7 @@ _EVENT_ERRORS = {  # bit of the event status register, and its class of errors
     5: (-100, "Command error"), 4: (-200, "Execution error"), 3: (-300, "Device-specific error"),
     2: (-400, "Query error"),
 }  # fmt: skip
-_MNEMONIC = re.compile(r"(\[?:?)([A-Za-z]+)(:?\]?)", re.ASCII)
+_MNEMONIC = re.compile(r"(\[?[:*]?)([A-Za-z]+)(:?\]?)", re.ASCII)
 
 
 class ErrorEntry(NamedTuple):
@@ -132,18 +133,17 @@ def commands(message: str) -> tuple[Command, ...]:
 
 
 @lru_cache(maxsize=256)
-def header(spelled: str) -> re.Pattern[str]:
-    """Compile a pattern for a header, in capitals, from the notation of manuals: `[SOURce:]CURRent:COMPliance`.
+def spellings(header: str) -> tuple[str, ...]:
+    """Return every spelling, in capitals, of a header in the notation of manuals: `[SOURce:]CURRent:COMPliance`.
 
     Each word may be in long or short form (its capitals); words in brackets are optional; a `?` makes a query.
     """
+    words = (_forms(*match.groups()) for match in _MNEMONIC.finditer(header))
+    end = "?" if header.endswith("?") else ""
+    return tuple("".join(spelling) + end for spelling in product(*words))
 
-    def word(match: re.Match[str]) -> str:
-        before, mnemonic, after = match.groups()
-        short = "".join(letter for letter in mnemonic if letter.isupper())
-        rest = mnemonic.upper().removeprefix(short)
-        either = f"{short}(?:{rest})?" if rest else short
-        return f"{before.replace('[', '(?:')}{either}{after.replace(']', ')?')}"
 
-    body = spelled.removesuffix("?")
-    return re.compile(_MNEMONIC.sub(word, body).replace("*", r"\*") + (r"\?" if spelled.endswith("?") else ""))
+def _forms(before: str, mnemonic: str, after: str) -> tuple[str, ...]:
+    short = "".join(letter for letter in mnemonic if letter.isupper())
+    forms = dict.fromkeys(f"{before.lstrip('[')}{word}{after.rstrip(']')}" for word in (short, mnemonic.upper()))
+    return (*forms, "") if before.startswith("[") else tuple(forms)

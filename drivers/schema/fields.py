@@ -126,7 +126,6 @@ def is_deferred(context: object) -> bool:
 EXPRESSION = r"^\$\{[^{}]*\}$"  # pattern of an expression, for a schema
 
 
-@dataclass(frozen=True, slots=True)
 class _OrExpression:
     """Accepts an expression in place of a text as long as it is not evaluated."""
 
@@ -182,7 +181,6 @@ AnyQuantity = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
 class _NotEmpty:
     """Validates that a list or a mapping is not empty; min_length would count only its valid entries."""
 

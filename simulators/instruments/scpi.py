@@ -74,8 +74,10 @@ class Interpreter:
             "STATus:PRESet": lambda _: None,
             **commands,
         }
-        self._table = [(scpi.header(spelled), handler) for spelled, handler in table.items()]
-        self._found: dict[str, Handler] = {}
+        self._handlers: dict[str, Handler] = {}
+        for header, handler in table.items():
+            for spelling in scpi.spellings(header):
+                self._handlers.setdefault(spelling, handler)
 
     def execute(self, message: str) -> str:
         """Execute a message; return the answers to its queries, joined, or "" without any."""
@@ -124,14 +126,9 @@ class Interpreter:
         return status | (MASTER_SUMMARY if status & self._enabled["SRE"] else 0)
 
     def _handler(self, header: str) -> Handler:
-        handler = self._found.get(header)
+        handler = self._handlers.get(header)
         if handler is None:
-            for pattern, candidate in self._table:
-                if pattern.fullmatch(header):
-                    handler = self._found[header] = candidate
-                    break
-            else:
-                raise Refusal(UNDEFINED_HEADER)
+            raise Refusal(UNDEFINED_HEADER)
         return handler
 
     def _clear(self, _: str) -> None:

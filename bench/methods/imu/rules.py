@@ -110,7 +110,7 @@ class _Measured(NamedTuple):
 def _measured(plan: Plan, label: str) -> _Measured | None:
     """Attitudes and rates that a plan acquires under a label; None if that depends on a measurement."""
     motions = {planned.id: motion for planned, motion in acquired_inside(plan, label)}
-    attitude, resting, rates_dps = Attitude(None), set[str](), defaultdict[str, set[float]](set)
+    attitude, resting, rates_dps = Attitude(None), set[Attitude](), defaultdict[str, set[float]](set)
     for planned in plan:
         if isinstance(planned.step, Orient):
             attitude = planned.step.attitude
@@ -119,11 +119,11 @@ def _measured(plan: Plan, label: str) -> _Measured | None:
                 return None
             motion = motions[planned.id]
             if motion is None:
-                resting.add(str(attitude))
+                resting.add(attitude)
             elif isinstance(motion, Rotate):
                 upright = next(axis for axis, letter in zip(AXES, str(attitude), strict=True) if letter in SIDES)
                 rates_dps[upright].add(motion.rate_dps)
-    return _Measured(resting, rates_dps)
+    return _Measured(set(map(str, resting)), rates_dps)
 
 
 RULES = (

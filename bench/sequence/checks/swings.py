@@ -51,18 +51,17 @@ def _periods_s(bench: BenchFile, role: str, device: str) -> Iterator[float]:
 
 
 def acquired_inside(plan: Plan, label: str | None) -> Iterator[Inside]:
-    """Acquisitions under a label, or all, each with the motion of the table during it."""
-    turning = {planned.id: planned.step for planned in plan if isinstance(planned.step, (Oscillate, Rotate))}
+    """Acquisitions under a label, or all, each with the motion of the table during it, of several the outermost."""
+    motion: Oscillate | Rotate | None = None
+    inside = ""  # beginning of the ids of all steps during the motion, which follow it
     for planned in plan:
-        if isinstance(planned.step, Acquire) and label in (None, planned.step.label):
-            around = (turning[outer] for outer in _outer_ids(planned.id) if outer in turning)
-            yield planned, next(around, None)
-
-
-def _outer_ids(step_id: str) -> Iterator[str]:
-    """Ids of all that a step may be inside of, outermost first."""
-    parts = step_id.split("/")
-    return ("/".join(parts[:count]) for count in range(1, len(parts)))
+        if motion is not None and not planned.id.startswith(inside):
+            motion = None
+        if isinstance(planned.step, Acquire):
+            if label in (None, planned.step.label):
+                yield planned, motion
+        elif motion is None and isinstance(planned.step, (Oscillate, Rotate)):
+            motion, inside = planned.step, f"{planned.id}/"
 
 
 def place_of(plan: Plan, motion: Oscillate) -> tuple[str | int, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from copy import copy
+from functools import cache
 from typing import Any, NamedTuple, assert_never
 
 from bench.config.channels import period_s
@@ -12,7 +13,7 @@ from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
 from bench.sequence.document.model import PHASES, Phase
 from bench.sequence.estimate.settling import Settling
-from bench.sequence.plan.motion import REST_S, move_s, oscillation_s, rate_change_s, way_s
+from bench.sequence.plan.motion import REST_S, oscillation_s, rate_change_s, way_s
 from bench.sequence.plan.plan import (
     Alternatives,
     Attempts,
@@ -31,6 +32,7 @@ from bench.sequence.steps.stimulus import TURN_DEG, Move, Oscillate, Ramp, Rotat
 from bench.sequence.steps.talk import Alarm, Note, Prompt
 from bench.sequence.steps.verbs import Step
 from bench.sequence.steps.waits import Soak, Wait, WaitUntil
+from drivers.capabilities import Approach
 
 COMMAND_S = 0.05
 ANSWER_S = 60.0  # for a person to read a question, carry out the request and answer
@@ -129,6 +131,7 @@ class _Course:
         self._turning = Turning(bench)
         self._mount: str | None = None
         self._times = 1
+        self._way_s = cache(self._worked_out_way_s)  # passes of a loop have the same ways
         self.spans: list[Span] = []
 
     def nodes(self, nodes: Nodes, at_s: float) -> float:
@@ -228,7 +231,7 @@ class _Course:
         if step.role not in self._bench.devices or math.isnan(target_deg):
             return step.settle_s
         self._state = self._state._replace(angles_deg={**self._state.angles_deg, step.role: target_deg})
-        return move_s(step, from_deg, target_deg, self._options(step.role))
+        return self._way_s(step.role, step.approach, from_deg, target_deg) + step.settle_s
 
     def _orient_s(self, step: Orient) -> float:
         """Duration of the moves, one axis after the other; 0 for an unreachable attitude, which the check reports."""
@@ -240,7 +243,7 @@ class _Course:
         for role, target_deg in targets.items():
             from_deg = self._angle_deg(role)
             if target_deg != from_deg:
-                taken_s += way_s(step.approach, from_deg, target_deg, self._options(role))
+                taken_s += self._way_s(role, step.approach, from_deg, target_deg)
         self._state = self._state._replace(angles_deg={**self._state.angles_deg, **targets})
         return taken_s
 
@@ -289,6 +292,9 @@ class _Course:
             return step.least_s
         rate_dps = abs(self._state.rates_dps.get(step.of or "", math.inf))
         return step.turns * TURN_DEG / rate_dps
+
+    def _worked_out_way_s(self, role: str, approach: Approach, from_deg: float, target_deg: float) -> float:
+        return way_s(approach, from_deg, target_deg, self._options(role))
 
     def _options(self, role: str) -> Any:
         device = self._bench.devices.get(role)

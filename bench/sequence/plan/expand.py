@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from bench.config.load import problems
 from bench.sequence.document.model import PHASES, Outline
 from bench.sequence.document.outline import block_around
 from bench.sequence.language.expressions import Value
-from bench.sequence.plan.plan import Node, Nodes, Plan
+from bench.sequence.plan.plan import Node, Nodes, Plan, renamed
 from bench.sequence.plan.result_settings import with_settings
 from bench.sequence.plan.scope import Scope, names_mentioned
 from bench.sequence.plan.subsequences import Called, call_parameters, read_called, refuse_too_deep
@@ -104,6 +104,24 @@ class DocumentPass:
                 self._broken.add(here)
                 self.problems.append(((*here, wrong.key), f"{wrong.key}: {wrong}"))
         return tuple(found)
+
+    def passes(self, raw: Sequence[Raw], place: Place, scopes: Iterator[Scope]) -> Iterator[Node]:
+        """Nodes in each of these scopes, which differ in their paths only.
+
+        They are those of the first with other ids, unless that had problems or measured what the others then know.
+        """
+        first = next(scopes)
+        steps, passes, wrong, measured = self._count, self._passes, len(self.problems), dict(first.measured)
+        nodes = self.nodes(raw, place, first)
+        yield from nodes
+        steps, passes = self._count - steps, self._passes - passes
+        are_alike = len(self.problems) == wrong and first.measured == measured
+        for scope in scopes:
+            if are_alike and max(self._count + steps, self._passes + passes) <= STEP_LIMIT:
+                self._count, self._passes = self._count + steps, self._passes + passes
+                yield from renamed(nodes, f"{first.path}/", f"{scope.path}/")
+            else:
+                yield from self.nodes(raw, place, scope)
 
     def step(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
         """The step with its expressions evaluated; None, with its problems recorded, if it is invalid."""

@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import Any, Literal
 
-from bench.sequence.steps.stimulus import Move, Oscillate, Rotate
+from bench.sequence.steps.stimulus import Oscillate, Rotate
 from drivers.capabilities import Approach
 
 SEEN_AFTER_S = 0.1  # from the arrival of an axis until it is detected
@@ -22,11 +22,6 @@ def travel_s(way_deg: float, rate_dps: float, acceleration_dps2: float) -> float
     """Time of a movement from rest to rest: trapezoidal rate profile, triangular for short distances."""
     ramp_s = min(rate_dps / acceleration_dps2, math.sqrt(abs(way_deg) / acceleration_dps2))
     return abs(way_deg) / (ramp_s * acceleration_dps2) + ramp_s if way_deg else 0.0
-
-
-def move_s(step: Move, from_deg: float, target_deg: float, options: Any) -> float:
-    """Time of a move, with settling, of an axis with these driver options."""
-    return way_s(step.approach, from_deg, target_deg, options) + step.settle_s
 
 
 def way_s(approach: Approach, from_deg: float, target_deg: float, options: Any) -> float:

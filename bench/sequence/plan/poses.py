@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from bench.config.models import BenchFile
 from bench.sequence.plan.plan import Alternatives, Meanwhile, Nodes, Passes, Plan, PlannedStep, within
@@ -49,13 +49,15 @@ def _role(step: Step) -> str:
 class _Travel:
     def __init__(self, bench: BenchFile | None) -> None:
         self._turning = None if bench is None else Turning(bench)
-        self._angles_deg: dict[str, float] = {}
+        self._angles_deg: Mapping[str, float] = {}  # never changed: many poses share it
         self._mount: str | None = None
 
     def nodes(self, nodes: Nodes) -> Iterator[tuple[PlannedStep, Pose]]:
         for node in nodes:
-            if isinstance(node, Alternatives):
-                before = dict(self._angles_deg)
+            if isinstance(node, PlannedStep):
+                yield self._step(node)
+            elif isinstance(node, Alternatives):
+                before = self._angles_deg
                 yield from self.nodes(node.then)
                 after, self._angles_deg = self._angles_deg, before
                 yield from self.nodes(node.otherwise)
@@ -63,28 +65,29 @@ class _Travel:
             elif isinstance(node, Passes):
                 yield from self._passes(node)
             else:
-                if isinstance(node, (PlannedStep, Meanwhile)):
-                    yield self._step(node.step if isinstance(node, Meanwhile) else node)
+                if isinstance(node, Meanwhile):
+                    yield self._step(node.step)
                 for inner in within(node):
                     yield from self.nodes(inner)
 
     def _passes(self, node: Passes) -> Iterator[tuple[PlannedStep, Pose]]:
         """Maximum number of passes; fewer if a pass ends where it began."""
         for number in range(1, min(node.at_most, PASSES_LOOKED_AT) + 1):
-            before = dict(self._angles_deg)
+            before = self._angles_deg
             yield from self.nodes(node.numbered(number))
             if before == self._angles_deg:
                 return
 
     def _step(self, planned: PlannedStep) -> tuple[PlannedStep, Pose]:
         """The step and the pose before it; stores the pose after it."""
-        step, pose = planned.step, Pose(dict(self._angles_deg), self._mount)
-        from_deg = self._angles_deg.get(_role(step), 0.0)
+        step, pose = planned.step, Pose(self._angles_deg, self._mount)
         if isinstance(step, Move):
+            from_deg = self._angle_deg(step.role)
             target_deg = step.target_deg(from_deg)
-            self._angles_deg[step.role] = from_deg if math.isnan(target_deg) else target_deg
+            self._turn({step.role: from_deg if math.isnan(target_deg) else target_deg})
         elif isinstance(step, Rotate) and step.during is None:
-            self._angles_deg[step.role] = from_deg + math.copysign(step.least_s * abs(step.rate_dps), step.rate_dps)
+            way_deg = math.copysign(step.least_s * abs(step.rate_dps), step.rate_dps)
+            self._turn({step.role: self._angle_deg(step.role) + way_deg})
         elif isinstance(step, Orient) and self._turning is not None:
             self._orient(step, self._turning, pose)
         elif isinstance(step, Prompt) and step.expect is not None and step.expect.mount is not None:
@@ -94,6 +97,12 @@ class _Travel:
     def _orient(self, step: Orient, turning: Turning, pose: Pose) -> None:
         """Pose after an attitude; an unreachable one changes nothing and is reported elsewhere."""
         try:
-            self._angles_deg |= turning.targets_deg(step.attitude, pose)
+            self._turn(turning.targets_deg(step.attitude, pose))
         except Unreachable:
             return
+
+    def _angle_deg(self, role: str) -> float:
+        return self._angles_deg.get(role, 0.0)
+
+    def _turn(self, angles_deg: Mapping[str, float]) -> None:
+        self._angles_deg = {**self._angles_deg, **angles_deg}

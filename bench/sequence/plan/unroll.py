@@ -46,6 +46,9 @@ class Expansion(Protocol):
     def nodes(self, raw: Sequence[Raw], place: Place, scope: Scope, taken: Collection[str] = ()) -> Nodes:
         """Return the nodes of a list of steps and blocks; `taken` are labels already used in its ids."""
 
+    def passes(self, raw: Sequence[Raw], place: Place, scopes: Iterator[Scope]) -> Iterator[Node]:
+        """Return the nodes of a list of steps and blocks in each of these scopes, which differ in their paths only."""
+
     def step(self, verb: str, block: Raw, here: Place, scope: Scope) -> Step | None:
         """Return the step with its expressions evaluated; None if it is wrong, with its problems recorded."""
 
@@ -141,9 +144,9 @@ def _values(variable: str, raw: Any, key: str, scope: Scope) -> tuple[Value, ...
 
 
 def _repeat(run: Expansion, block: Raw, here: Place, scope: Scope, seen: Seen) -> Iterator[Node]:
-    for number in range(1, _count(block["repeat"], "repeat", scope) + 1):
-        inside = scope.inside(_visit(f"pass={number}", seen))
-        yield from run.nodes(block["steps"], (*here, "steps"), inside)
+    count = _count(block["repeat"], "repeat", scope)
+    inside = (scope.inside(_visit(f"pass={number}", seen)) for number in range(1, count + 1))
+    yield from run.passes(block["steps"], (*here, "steps"), inside)
 
 
 def _count(raw: Any, key: str, scope: Scope) -> int:

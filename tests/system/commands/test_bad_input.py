@@ -372,15 +372,30 @@ def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does
 
 
 def test_checking_a_sequence_without_mistakes_loads_nothing_for_other_files_and_for_mistakes():
-    others = "bench.config.laboratory bench.offline.calibration_file bench.certificates.certificate difflib sqlite3"
+    others = (
+        "bench.config.laboratory bench.offline.calibration_file bench.certificates.certificate difflib sqlite3 "
+        "importlib.metadata importlib.resources"
+    )
     assert loaded(after_command("check", "smoke", "--bench", "simulated"), others) == []
+
+
+def test_pydantic_finds_no_plug_ins_and_makes_models_all_the_same():
+    code = "from pydantic import BaseModel\nclass One(BaseModel):\n    x: int\nassert One(x='1').x == 1"
+    begun = f"from bench.cli.main import without_pydantic_plugins\nwithout_pydantic_plugins()\n{code}"
+    assert loaded(begun, "importlib.metadata pydantic_core") == ["pydantic_core"]
+    assert loaded(code, "importlib.metadata") == ["importlib.metadata"], "pydantic needs no such help any more"
 
 
 def test_a_run_without_a_report_loads_no_page_no_plot_no_server_and_no_archive(tmp_path):
     never = "matplotlib jinja2 fastapi starlette uvicorn httpx deltalake h5py lxml scipy.optimize scipy.stats"
     ours = "bench.report.page bench.report.html bench.station bench.web bench.archive bench.campaign"
     command = after_command("run", "smoke", "--bench", "simulated", "--no-report", "--runs", str(tmp_path))
-    assert loaded(command, f"{never} {ours} bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+    assert loaded(command, f"{never} {ours} rich.console bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+
+
+def test_what_a_run_needs_until_its_end_loads_no_part_of_scipy():
+    parts = "scipy.linalg scipy.spatial scipy.special numpy.f2py numpy.testing"
+    assert loaded("import bench.app.execute", f"{parts} simulators.physics.thermal") == ["simulators.physics.thermal"]
 
 
 def test_checking_loads_what_is_known_of_the_drivers_of_the_bench_and_of_no_others():

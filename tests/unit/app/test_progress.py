@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import sys
 from datetime import UTC, datetime
 
 import pytest
@@ -70,3 +71,23 @@ def test_what_is_invalid_or_stale_is_shown_first_and_without_a_number(shown):
     assert shown.live()[0] == "unit_temperature 25.1 °C"
     shown.reading("chamber.air", Valid(8600.0, 20.0, 5))
     assert shown.live()[0] == "unit_temperature stale: 47 s old"
+
+
+def test_on_a_terminal_a_bar_is_drawn_and_notices_stand_above_it(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    checked = load_checked(RunRequest("smoke"))
+    with TerminalProgress(checked.plan, checked.bench) as progress:
+        progress.notice("Something happened.")
+        progress.step_ended(next(iter(checked.plan)), 0)
+    drawn = capsys.readouterr().err
+    assert "0%" in drawn
+    assert "opening the bench" in drawn
+    assert "Something happened.\n" in drawn
+
+
+def test_without_a_terminal_notices_are_lines(capsys):
+    checked = load_checked(RunRequest("smoke"))
+    with TerminalProgress(checked.plan, checked.bench) as progress:
+        progress.notice("Something happened.")
+    assert capsys.readouterr().err == "Something happened.\n"

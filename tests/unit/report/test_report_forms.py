@@ -1,6 +1,7 @@
 """The report of a run as a PDF, as JSON and as a table."""
 
 import csv
+import gc
 import io
 import itertools
 import json
@@ -17,7 +18,7 @@ from bench.errors import InputError, StoreError
 from bench.reduce.stored_run import open_run
 from bench.report.export.csv_cells import harmless
 from bench.report.export.export import FORMATS
-from bench.report.write import FORMS, pdf, write_report
+from bench.report.write import FORMS, NEW_OBJECTS, pdf, write_report
 from tests.support.runs import copy_bench, read_json, run_short, sealed_anew
 
 HOSTILE = '"}</style><script>alert(1)</script>'
@@ -139,3 +140,16 @@ def test_without_weasyprint_it_is_told_what_to_install(run, monkeypatch):
 def test_every_form_of_a_report_has_its_name(run):
     assert list(FORMS) == ["html", "pdf", "json", "csv"]
     assert report(run, "html").name == "report.html"
+
+
+def test_garbage_is_seldom_collected_while_a_report_is_written_and_as_before_afterwards(run, monkeypatch, tmp_path):
+    before, meanwhile = gc.get_threshold(), []
+    monkeypatch.setitem(FORMS, "json", lambda _: meanwhile.append(gc.get_threshold()[0]) or b"")
+    with open_run(run.path) as stored:
+        write_report(stored, "json", out=tmp_path / "results.json")
+        assert meanwhile == [NEW_OBJECTS]
+        assert gc.get_threshold() == before
+        monkeypatch.setitem(FORMS, "json", lambda _: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            write_report(stored, "json", out=tmp_path / "results.json")
+    assert gc.get_threshold() == before

@@ -173,6 +173,36 @@ def test_a_repetition_adds_no_name_and_a_step_in_it_is_made_once(tmp_path):
     assert len({id(planned.step) for planned in plan}) == 1
 
 
+def test_passes_differ_in_their_ids_only(tmp_path):
+    inside = (
+        "{acquire: counter, label: a, during: [wait: 1 s]}, {if: '${2 > 1}', then: [wait: 1 s]}, "
+        "{for_each: a, in: [1, 2], steps: [wait: '${a * \"1 s\"}']}, {repeat: 2, steps: [wait: 3 s]}"
+    )
+    plan = plan_of(tmp_path, steps(f"{{repeat: 3, steps: [{inside}]}}", f"{{repeat: 1, steps: [{inside}]}}"))
+    ids = [planned.id for planned in plan]
+    assert len(set(ids)) == len(ids) == 4 * 7
+    passes = ["pass=1", "pass=2", "pass=3", "pass=1#2"]
+    assert ids == [ids[index].replace("pass=1", each, 1) for each in passes for index in range(7)]
+    firsts = [planned._replace(id="") for planned in plan][:7]
+    assert [planned._replace(id="") for planned in plan][7:21] == [*firsts, *firsts]
+
+
+def test_what_the_first_pass_measures_is_known_in_the_second(tmp_path):
+    text = "{note: 'Was ${deep}.'}, {prompt: How deep?, input: {unit: m}, as: deep}"
+    assert problems_of(tmp_path, steps(f"{{repeat: 2, steps: [{text}]}}")) == [
+        "2:26: note: '${deep}': there is no name 'deep'; none is known here"
+    ]
+    known = "{prompt: How deep?, input: {unit: m}, as: deep}, {note: 'Is ${deep}.'}"
+    plan = plan_of(tmp_path, steps(f"{{repeat: 3, steps: [{known}]}}"))
+    assert [planned.waiting is not None for planned in plan] == [False, True] * 3
+
+
+@pytest.mark.parametrize("count", [1_000_000_000, 9001])
+def test_very_many_passes_are_refused_in_bounded_time_and_memory(tmp_path, count):
+    (problem,) = problems_of(tmp_path, steps(f"{{repeat: {count}, steps: [wait: 1 s, wait: 2 s]}}"))
+    assert problem.endswith(": the plan has more than 10000 steps")
+
+
 @pytest.mark.parametrize(
     ("values", "problem"),
     [

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from simulators.physics import thermal
 from simulators.physics.thermal import ChamberPhysics, Thermal, UnitPhysics
@@ -85,6 +86,18 @@ def test_ramps_kinks_and_power_steps_are_what_a_general_solver_finds() -> None:
             expected[at_s] = [around, sensor, reading, second_sensor, second_reading]
         state = solved.y[:, -1]
     assert np.abs(found - np.array([expected[at_s] for at_s in looks])).max() < 1e-8
+
+
+@pytest.mark.parametrize("part_of_a_s", [1e-3, 1.0, 100.0])
+@pytest.mark.parametrize("unit", [UNIT, IMU, UnitPhysics(0.01, 0.002, 5, 0.05, board_s=300)], ids=str)
+def test_the_exponential_is_that_of_scipy(unit, part_of_a_s) -> None:
+    matrix = thermal._system(CHAMBER, (unit, unit)) * part_of_a_s
+    found, expected = thermal.exponential(matrix), expm(matrix)
+    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+def test_a_matrix_without_effect_has_unity_for_its_exponential() -> None:
+    assert (thermal.exponential(np.zeros((3, 3))) == np.eye(3)).all()
 
 
 def test_how_often_somebody_looks_changes_nothing() -> None:
