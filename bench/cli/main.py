@@ -10,7 +10,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from types import ModuleType
 
 from bench.cli.commands import Command, Helped
 from bench.cli.exits import ABORTED, BENCH_ERROR, INPUT_ERROR
@@ -37,7 +36,7 @@ ESCAPED = "bench-escaped"  # error handler of encoders: writes \u00b0 for °, wh
 
 def run() -> None:
     """Run the command line; exit codes are those of `bench.cli.exits`."""
-    without_pydantic_plugins()
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
     make_usable()
     if sys.argv[1:2] in (["run"], ["rehearse"], ["attempt"]):
         end_at_once()
@@ -49,17 +48,6 @@ def run() -> None:
             sys.stderr.flush()
         os._exit(code)
     sys.exit(code)
-
-
-def without_pydantic_plugins() -> None:
-    """Let pydantic search no packages for plug-ins, here and in processes that this one starts.
-
-    It would import 30 modules of Python for the search, which take a twentieth of a check, even if told not to search.
-    """
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    searcher = ModuleType("pydantic.plugin._loader")
-    searcher.get_plugins = tuple  # type: ignore[attr-defined]
-    sys.modules.setdefault(searcher.__name__, searcher)
 
 
 def main(words: Sequence[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -93,5 +94,5 @@ def find(name: str, kind: Kind) -> Path:
 
 def shipped(kind: str) -> list[Path]:
     """Return the shipped files: in the wheel, or in the source tree around the package."""
-    package = Path(__file__).parents[1]
+    package = Path(str(files("bench")))
     return [package / "shipped" / kind, package.parent / kind]

@@ -372,18 +372,8 @@ def test_checking_loads_no_results_no_scan_and_no_methods_that_the_sequence_does
 
 
 def test_checking_a_sequence_without_mistakes_loads_nothing_for_other_files_and_for_mistakes():
-    others = (
-        "bench.config.laboratory bench.offline.calibration_file bench.certificates.certificate difflib sqlite3 "
-        "importlib.metadata importlib.resources"
-    )
+    others = "bench.config.laboratory bench.offline.calibration_file bench.certificates.certificate difflib sqlite3"
     assert loaded(after_command("check", "smoke", "--bench", "simulated"), others) == []
-
-
-def test_pydantic_finds_no_plug_ins_and_makes_models_all_the_same():
-    code = "from pydantic import BaseModel\nclass One(BaseModel):\n    x: int\nassert One(x='1').x == 1"
-    begun = f"from bench.cli.main import without_pydantic_plugins\nwithout_pydantic_plugins()\n{code}"
-    assert loaded(begun, "importlib.metadata pydantic_core") == ["pydantic_core"]
-    assert loaded(code, "importlib.metadata") == ["importlib.metadata"], "pydantic needs no such help any more"
 
 
 def test_a_run_without_a_report_loads_no_page_no_plot_no_server_and_no_archive(tmp_path):
