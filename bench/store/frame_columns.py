@@ -119,7 +119,7 @@ def _part(plain: bytes, frames: int) -> _Part:
     described = np.frombuffer(plain, _COLUMN, 2 + messages, _HEAD.itemsize)
     counts = described["frames"].astype(np.int64)
     if not (counts[0] == counts[1] == instants <= frames and counts[2:].sum() == frames):
-        raise MalformedError(f"{instants} instants, messages of {counts[2:].tolist()} frames")
+        raise MalformedError("its columns do not have the lengths that fit its number of frames")
     part = _Part(plain, frames, described, _HEAD.itemsize + described.nbytes)
     if len(set(part.kinds)) != messages:
         raise MalformedError("a message is described twice")
@@ -147,7 +147,7 @@ def _rows_by_message(order: NDArray[np.uint8], counts: NDArray[np.int64]) -> lis
     rows, ends = np.argsort(order, kind="stable"), np.cumsum(counts)
     numbers = np.arange(len(counts))
     if (order[rows[ends - counts]] != numbers).any() or (order[rows[ends - 1]] != numbers).any():
-        raise MalformedError("other frames than messages have")
+        raise MalformedError("it has frames of other messages than it describes")
     return [rows[end - count : end] for end, count in zip(ends.tolist(), counts.tolist(), strict=True)]
 
 
@@ -166,4 +166,4 @@ def _fill(columns: Sequence[_Words], part: _Part) -> None:
         if stored == _Stored.BIG:
             values.byteswap(inplace=True)
     if at != len(part.plain):
-        raise MalformedError(f"{len(part.plain) - at} bytes too many")
+        raise MalformedError("there are bytes after its columns")
