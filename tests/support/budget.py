@@ -1,7 +1,8 @@
 """A pytest plugin: processor time of each folder of tests beside its budget in tests/budget.toml.
 
 Processor time is that of this process and of the children it has waited for, because a busy machine makes tests longer
-but costs them little of it. A folder that costs more than MARGIN times its budget fails the run.
+but costs them little of it. A slower machine makes it longer too, in all folders: if many are run, each is compared
+with the median of all. A folder that costs more than MARGIN times its budget then fails the run.
 
 As a program, `python -m tests.support.budget PART`, it prints the folders that have tests of a part.
 """
@@ -14,13 +15,15 @@ import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
 
 TESTS = Path(__file__).parents[1]
 BUDGETS: dict[str, dict[str, float]] = tomllib.loads((TESTS / "budget.toml").read_text(encoding="utf-8"))
-MARGIN = 2.0  # the same tests have taken 1.7 times as long on the same kind of machine in another hour
+MARGIN = 2.0
+MANY = 5  # folders, of which the median says how slow the machine is
 
 Spent = dict[str, dict[str, float]]  # part (a table of budget.toml) -> test -> processor seconds
 
@@ -38,18 +41,29 @@ def folder_of(test: str, part: str) -> str | None:
 
 def above(spent: Spent) -> list[str]:
     """Return a line for each folder that has cost too much, or that has no budget."""
-    lines = []
+    lines, pace = [], pace_of(spent)
     for part, tests in spent.items():
         for folder, seconds in _by_folder(tests, part).items():
             if folder is None:
                 without = next(test for test in tests if folder_of(test, part) is None)
                 lines.append(f"{without} is in no folder of [{part}] in tests/budget.toml; give its folder a budget")
-            elif seconds > MARGIN * BUDGETS[part][folder]:
+            elif seconds > MARGIN * pace * BUDGETS[part][folder]:
                 lines.append(
                     f"tests/{folder} ({part}) took {seconds:.0f} s of processor time of {BUDGETS[part][folder]:g} s: "
                     "make its tests cheaper (--durations=20 lists the longest), or give it more in tests/budget.toml"
                 )
     return lines
+
+
+def pace_of(spent: Spent) -> float:
+    """Return how much longer than their budgets folders take here, at least 1; 1 if few are run."""
+    shares = [
+        seconds / BUDGETS[part][folder]
+        for part, tests in spent.items()
+        for folder, seconds in _by_folder(tests, part).items()
+        if folder is not None
+    ]
+    return max(1.0, median(shares)) if len(shares) >= MANY else 1.0
 
 
 def _by_folder(tests: dict[str, float], part: str) -> dict[str | None, float]:

@@ -2,7 +2,7 @@
 
 import re
 
-from tests.support.budget import BUDGETS, MARGIN, TESTS, above, folder_of
+from tests.support.budget import BUDGETS, MARGIN, TESTS, above, folder_of, pace_of
 
 
 def test_every_budget_is_of_a_folder():
@@ -23,6 +23,15 @@ def test_a_folder_above_its_budget_is_named_and_one_within_the_margin_is_not():
     assert above({"not-slow": tests}) == []
     (line,) = above({"not-slow": {**tests, "tests/wire/test_more.py::test": 1.0}})
     assert line.startswith("tests/wire (not-slow) took 9 s of processor time of 4 s: make its tests cheaper")
+
+
+def test_on_a_slow_machine_a_folder_is_compared_with_the_others():
+    slow = {f"tests/{name}/test_a.py::test": 2.5 * budget_s for name, budget_s in BUDGETS["not-slow"].items()}
+    assert (pace_of({"not-slow": slow}), above({"not-slow": slow})) == (2.5, [])
+    (line,) = above({"not-slow": {**slow, "tests/wire/test_more.py::test": 3 * BUDGETS["not-slow"]["wire"]}})
+    assert line.startswith("tests/wire (not-slow)")
+    few = {"tests/wire/test_a.py::test": 2.5 * BUDGETS["not-slow"]["wire"]}
+    assert (pace_of({"not-slow": few}), len(above({"not-slow": few}))) == (1.0, 1)
 
 
 def test_a_test_in_no_folder_of_the_table_is_named():
