@@ -15,7 +15,7 @@ from pathlib import Path
 from campaigns.trials.rows import Row
 from campaigns.trials.signals import Trial, row_of, sample
 from tests.support.energised import ENERGISED, SAFE, Process, Wires, wires
-from tests.support.runs import ROOT, SHORT
+from tests.support.runs import LARGE, ROOT
 from tests.support.served import free_port
 
 USED = ("chamber", "counter", "supply", "source")
@@ -49,7 +49,7 @@ def _full_disk(beyond_reserve_bytes: int) -> str:
             "schema: itb-scenario/1\ntitle: S\nfaults: [{after: teardown/set, device: supply, fault: silent}]\n",
             "utf-8",
         )
-        settings = [word.replace("gate=10 s", "gate=1 h") for setting in SHORT for word in ("--set", setting)]
+        settings = [word for setting in LARGE for word in ("--set", setting)]
         done = subprocess.run(
             [sys.executable, "-m", "bench", "run", "tumble_static", "--bench", "simulated", "--runs", folder / "runs",
              "--scenario", scenario, *settings],

@@ -27,6 +27,9 @@ ROOT = Path(__file__).parents[2]
 SHORT = (  # the tumble at three temperatures, as short as its soak allows
     "temperatures=[20 °C, 30 °C, 20 °C]", "warm_up=0 s", "soak=30 min", "gate=10 s", "ramp_rate=3 °C/min",
 )  # fmt: skip
+LARGE = (  # 10 MB of data
+    "temperatures=[20 °C, 30 °C, 40 °C, 30 °C, 20 °C]", "warm_up=0 s", "soak=30 min", "gate=1 h", "ramp_rate=3 °C/min",
+)  # fmt: skip
 
 
 def copy_bench(folder: Path, *edits: tuple[str, str], faults: str = "") -> Path:

@@ -18,7 +18,7 @@ from bench.clock import Stopwatch
 from bench.reduce.stored_run import open_run
 from bench.store.reader import RunReader
 from bench.store.runs import summary
-from tests.support.runs import ROOT, SHORT
+from tests.support.runs import LARGE, ROOT, SHORT
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow]
 FEW_TEMPERATURES = [word for setting in SHORT for word in ("--set", setting)]
@@ -175,8 +175,8 @@ def test_a_killed_run_is_interrupted_and_its_data_open(started):
 
 
 def test_a_full_disk_ends_the_run_in_words_with_the_bench_safe(started):
-    long_gates = [word.replace("gate=10 s", "gate=1 h") for word in FEW_TEMPERATURES]
-    run = started("tumble_static", *long_gates, limit_bytes=4 * 1024 * 1024 + 4096)
+    large = [word for setting in LARGE for word in ("--set", setting)]
+    run = started("tumble_static", *large, limit_bytes=4 * 1024 * 1024 + 4096)
     assert run.finish() == 3
     assert "the run store cannot write" in run.said
     assert "If the disk of the run directory is full, free some space" in run.said
