@@ -190,6 +190,7 @@ class BenchLoop(asyncio.SelectorEventLoop):
         while self._expected:
             oldest = self._expected.popleft()
             if oldest.cancelled():
+                self._answers.pop(oldest, None)
                 continue
             if not succeeded_within(partial(self._has_come, oldest), THREAD_ANSWER_LIMIT_S):
                 raise TimeError(f"a thread has not answered for {THREAD_ANSWER_LIMIT_S:g} s: {oldest}")
@@ -204,12 +205,19 @@ class BenchLoop(asyncio.SelectorEventLoop):
                 which, result, problem = self._arrived.get(timeout=within_s)
             except queue.Empty:
                 return False
-            self._answers[which] = (result, problem)
+            if not which.done():  # given up, or given twice
+                self._answers[which] = (result, problem)
         return True
 
     def next_timer(self) -> float | None:
         """Return the time of the next timer, or None."""
         return self._scheduled[0].when() if self._scheduled else None
+
+
+def expect() -> asyncio.Future[Any]:
+    """Return a future that another thread settles with `give`; the running loop may be any."""
+    loop = asyncio.get_running_loop()
+    return loop.expect() if isinstance(loop, BenchLoop) else loop.create_future()
 
 
 def give(expected: asyncio.Future[Any], result: Any = None, problem: BaseException | None = None) -> None:

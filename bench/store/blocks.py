@@ -28,7 +28,7 @@ LEAST_BYTES = 1  # of one frame by message: the number of its message
 
 
 class Content(NamedTuple):
-    """Bytes of a block before they are compressed, of which digests are made; equal frames give equal bytes."""
+    """Uncompressed bytes of a block: the input of its checksum and of digests. Equal frames give equal bytes."""
 
     plain: bytes
     by_message: bool

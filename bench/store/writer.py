@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from bench.clock import Stopwatch
 from bench.errors import StoreError
-from bench.loop import BenchLoop, give
+from bench.loop import expect, give
 from bench.quality import Valid
 from bench.store import database, ledger
 from bench.store.blocks import Content, content_of, packed
@@ -114,10 +114,9 @@ class RunWriter:
 
     async def commit(self) -> None:
         """Wait until all data given so far are on the disk. Raises StoreError if that fails."""
-        loop = asyncio.get_running_loop()
         with self._lock:
             self._raise_failure()
-            ticket: asyncio.Future[None] = loop.expect() if isinstance(loop, BenchLoop) else loop.create_future()
+            ticket: asyncio.Future[None] = expect()
             self._tickets.append(ticket)
         self._calls.put(None)
         await ticket

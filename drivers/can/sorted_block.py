@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.frame_block import FrameBlock, Kind, Sent
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 MOST_MESSAGES = 100  # of a block that is sorted; for more of them it is not worth it
 _NOTHING = Sent(np.empty(0, np.intp), np.empty(0, np.uint64))
 
@@ -34,26 +36,25 @@ class SortedBlock(FrameBlock):
     @cached_property
     def ids(self) -> NDArray[np.uint32]:
         """Identifiers (N,), as in a FrameBlock."""
-        ids = np.empty(len(self), np.uint32)
-        for (frame_id, _), sent in self._messages.items():
-            ids[sent.rows] = frame_id
-        return ids
+        return self._column(np.uint32, (frame_id for frame_id, _ in self._messages))
 
     @cached_property
     def dlc(self) -> NDArray[np.uint8]:
         """Lengths (N,)."""
-        lengths = np.empty(len(self), np.uint8)
-        for (_, length), sent in self._messages.items():
-            lengths[sent.rows] = length
-        return lengths
+        return self._column(np.uint8, (length for _, length in self._messages))
 
     @cached_property
     def data(self) -> NDArray[np.uint8]:
         """Data (N, 8)."""
-        words = np.empty(len(self), np.uint64)
-        for sent in self._messages.values():
-            words[sent.rows] = sent.words
+        words = self._column(np.uint64, (sent.words for sent in self._messages.values()))
         return words.view(np.uint8).reshape(-1, 8)
+
+    def _column(self, kind: type[Scalar], of_messages: Iterable[Any]) -> NDArray[Scalar]:
+        """Column (N,) with a value for each message in its rows, or a value (n,) for each of its frames."""
+        column = np.empty(len(self), kind)
+        for sent, values in zip(self._messages.values(), of_messages, strict=True):
+            column[sent.rows] = values
+        return column
 
 
 def joined(blocks: Sequence[FrameBlock]) -> FrameBlock:

@@ -23,7 +23,7 @@ import pytest
 TESTS = Path(__file__).parents[1]
 BUDGETS: dict[str, dict[str, float]] = tomllib.loads((TESTS / "budget.toml").read_text(encoding="utf-8"))
 MARGIN = 2.0
-MANY = 5  # folders, of which the median says how slow the machine is
+MANY = 5  # folders at least, for their median to be a measure of the machine's speed
 
 Spent = dict[str, dict[str, float]]  # part (a table of budget.toml) -> test -> processor seconds
 
