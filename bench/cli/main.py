@@ -37,6 +37,7 @@ ESCAPED = "bench-escaped"  # error handler of encoders: writes \u00b0 for °, wh
 def run() -> None:
     """Run the command line; exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
+    os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # idle threads of numpy would spin for 50 ms
     make_usable()
     if sys.argv[1:2] in (["run"], ["rehearse"], ["attempt"]):
         end_at_once()

@@ -319,13 +319,14 @@ def test_a_process_ends_with_exit_code_2_and_no_traceback(bench_command, tmp_pat
 
 # What is not loaded
 
+UNMEASURED = {name: value for name, value in os.environ.items() if not name.startswith(("COVERAGE", "OPENBLAS"))}
+
 
 def loaded(code: str, modules: str) -> list[str]:
     """Which of `modules` a fresh interpreter has loaded after `code`, unmeasured: coverage loads some of its own."""
     ask = f"import json, sys\nprint(json.dumps([name for name in {modules.split()} if name in sys.modules]))"
-    unmeasured = {name: value for name, value in os.environ.items() if not name.startswith("COVERAGE")}
     done = subprocess.run(
-        [sys.executable, "-c", f"{code}\n{ask}"], capture_output=True, text=True, check=True, cwd=ROOT, env=unmeasured
+        [sys.executable, "-c", f"{code}\n{ask}"], capture_output=True, text=True, check=True, cwd=ROOT, env=UNMEASURED
     )
     return json.loads(done.stdout.splitlines()[-1])
 
@@ -381,6 +382,17 @@ def test_a_run_without_a_report_loads_no_page_no_plot_no_server_and_no_archive(t
     ours = "bench.report.page bench.report.html bench.station bench.web bench.archive bench.campaign"
     command = after_command("run", "smoke", "--bench", "simulated", "--no-report", "--runs", str(tmp_path))
     assert loaded(command, f"{never} {ours} rich.console bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+
+
+@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="numpy has no other threads on one processor")
+def test_threads_of_numpy_without_work_take_no_processor_time():
+    spent = "import time\nimport numpy\ntime.sleep(0.2)\nprint(time.process_time() - time.thread_time())"
+    plain = subprocess.run([sys.executable, "-c", spent], capture_output=True, text=True, check=True, env=UNMEASURED)
+    code = f"{after_command('--version')}\n{spent}"
+    ours = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT, env=UNMEASURED
+    )
+    assert float(ours.stdout.splitlines()[-1]) <= float(plain.stdout) / 4 + 0.005
 
 
 def test_what_a_run_needs_until_its_end_loads_no_part_of_scipy():
