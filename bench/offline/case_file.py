@@ -59,7 +59,7 @@ LocalGravity = Annotated[float, Field(ge=9.7, le=9.9)]
 class Tolerant(BaseModel):
     """Model that ignores unknown keys; null counts as not given."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod
