@@ -14,7 +14,7 @@ from bench.app.truth import truth_of
 from bench.clock import Stopwatch
 from bench.engine.ending import Outcome
 from bench.errors import StoreError, error_message
-from bench.offline.calibration_file import calibration_files
+from bench.offline.calibration_content import calibration_files
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.runner.signals import Dropped, Signals

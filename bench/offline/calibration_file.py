@@ -1,28 +1,25 @@
-"""Calibration files: results of a run on a unit, for programs that use the unit (such as `bench compensate`)."""
+"""Calibration files as read, for programs that use the unit (such as `bench compensate`)."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from bench.config.models import BenchFile
 from bench.errors import InputError, StoreError
-from bench.files import content_hash
 from bench.metrology.calibration.dynamic import SECONDS
 from bench.metrology.calibration.response import ResponseCompensation
 from bench.metrology.calibration.temperature import Beyond, Compensation
 from bench.metrology.least_squares import Array
-from bench.metrology.results.finding import UnitResult
 from bench.metrology.run_data import ReleasedCalibration
+from bench.offline.calibration_content import DIGEST, digest_of
 from bench.offline.calibration_form import ChannelForm, Known
 from bench.offline.case_file import Tolerant, read_json, validated
 from bench.offline.csv_record import Table, read_table
@@ -30,45 +27,11 @@ from bench.store.runs import SEAL
 from bench.store.seal import file_hash, read_seal
 from drivers.schema.suggest import did_you_mean
 
-SCHEMA, DIGEST = "itb-calibration/1", "digest"
 LIMIT_BYTES = 2**24
 CHANNEL, TEMPERATURE, OUTPUT, FREQUENCY, PHASE = "channel", "T_C", "output", "f_Hz", "phase_deg"
 RATE = "dT_dt_C_per_min"
 ADDED = ("value", "extrapolated")
 ADDED_PHASE = "value_phase_deg"
-
-
-def calibration_files(
-    units: Sequence[UnitResult], manifest: Mapping[str, Any], bench: BenchFile
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Name and content of a file for each unit with compensations.
-
-    1 g in it is the local gravity of the bench, which it states.
-    """
-    gravity = bench.site.gravity
-    for place in dict.fromkeys(unit.place for unit in units):
-        found = [unit for unit in units if unit.place == place]
-        channels = [each.to_json() for unit in found for each in unit.compensations]
-        if channels:
-            content = {
-                "schema": SCHEMA,
-                "uut": found[0].uut,
-                "run": manifest["run"],
-                "sequence": manifest["sequence"],
-                "started": manifest["started"],
-                "simulated": bool(manifest["simulated"]),
-                "verdict": next((u.verdict for u in found if u.verdict != "PASS"), "PASS"),
-                "gravity_mps2": gravity.value,
-                "u_gravity_mps2": gravity.U / gravity.k,
-                "channels": channels,
-            }
-            yield f"calibration_{place}.json", {**content, DIGEST: _digest_of(content)}
-
-
-def _digest_of(content: Mapping[str, Any]) -> str:
-    """Digest of all other content of a file, independent of indentation and order."""
-    text = json.dumps({key: value for key, value in content.items() if key != DIGEST}, sort_keys=True)
-    return content_hash(text.encode())
 
 
 class CalibrationFile(Tolerant):
@@ -118,7 +81,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         if written is not None and path.is_file() and file_hash(path) != written:
             raise StoreError(f"{path}: has changed since it was written; 'bench runs verify {path.parent}' has more")
     content = read_json(path, LIMIT_BYTES)
-    if isinstance(content, dict) and DIGEST in content and content[DIGEST] != _digest_of(content):
+    if isinstance(content, dict) and DIGEST in content and content[DIGEST] != digest_of(content):
         raise InputError(
             f"{path.name}: was edited after a run had written it: its digest is not that of its content. Copy it again "
             f"from the run {content.get('run', '')}".rstrip()

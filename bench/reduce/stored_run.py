@@ -12,7 +12,6 @@ from typing import Any
 from bench.config.bench import load_kept_bench
 from bench.errors import StoreError
 from bench.metrology.run_data import RunData, UnitUnderTest
-from bench.offline.calibration_file import read_calibration
 from bench.reduce.acquisitions import run_data
 from bench.reduce.corrections import correction_lines
 from bench.reduce.evaluate import Results, evaluate
@@ -76,6 +75,8 @@ class StoredRun:
         """A unit with the released calibration that was given to the run, if any."""
         if unit.place not in self.manifest.get("released", {}):
             return unit
+        from bench.offline.calibration_file import read_calibration  # most runs have none
+
         known = read_calibration(self.folder / released_copy(unit.place))
         if known.run == self.manifest["run"]:
             raise StoreError(

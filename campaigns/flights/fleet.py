@@ -29,7 +29,8 @@ from bench.app.laboratory import unit_files
 from bench.config.bench import load_bench
 from bench.config.models import BenchFile
 from bench.metrology.run_data import RunData
-from bench.offline.calibration_file import calibration_files, read_calibration
+from bench.offline.calibration_content import calibration_files
+from bench.offline.calibration_file import read_calibration
 from bench.offline.motion import in_motion, wanted
 from bench.reduce.evaluate import evaluate
 from bench.reduce.journal import JournalRecords

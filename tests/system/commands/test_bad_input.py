@@ -380,8 +380,11 @@ def test_checking_a_sequence_without_mistakes_loads_nothing_for_other_files_and_
 def test_a_run_without_a_report_loads_no_page_no_plot_no_server_and_no_archive(tmp_path):
     never = "matplotlib jinja2 fastapi starlette uvicorn httpx deltalake h5py lxml scipy.optimize scipy.stats"
     ours = "bench.report.page bench.report.html bench.station bench.web bench.archive bench.campaign"
+    cases = "bench.offline.case_file bench.offline.calibration_form"
     command = after_command("run", "smoke", "--bench", "simulated", "--no-report", "--runs", str(tmp_path))
-    assert loaded(command, f"{never} {ours} rich.console bench.reduce.stored_run") == ["bench.reduce.stored_run"]
+    assert loaded(command, f"{never} {ours} {cases} rich.console bench.reduce.stored_run") == [
+        "bench.reduce.stored_run"
+    ]
 
 
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="numpy has no other threads on one processor")
