@@ -101,6 +101,7 @@ class Settling:
         self._bench = bench
         self._changes: tuple[_Change, ...] = ()
         self._powered: frozenset[str] = frozenset()
+        self._reading = cache(self._reading_on_bench)  # soaks of a loop look at the same readings
 
     def ramp(self, from_c: float, to_c: float, at_s: float, duration_s: float) -> None:
         """Add a linear change of the set point."""
@@ -178,7 +179,7 @@ class Settling:
                 moving.append((by_c, poles, change.at_s, change.duration_s))
         return _Course(still_c, tuple(moving))
 
-    def _reading(self, name: str) -> _Reading | None:
+    def _reading_on_bench(self, name: str) -> _Reading | None:
         """Model of a temperature of the air or of units; None for any other reading."""
         bench, chamber = self._bench, self._bench.simulation.chamber
         if unit_of(name, bench) != "°C":

@@ -11,6 +11,7 @@ from bench.config.bench import load_bench
 from bench.sequence.estimate.estimate import ANSWER_S, COMMAND_S, estimate
 from bench.sequence.plan.motion import REST_S, SEEN_AFTER_S, travel_s
 from bench.sequence.steps.custom import StepDescription
+from drivers.can import options
 from tests.support.sequences import BENCH, ROOT, load_plan, plan_of, steps
 
 RAMP_S = 20 / 40  # the head's 20 °/s at 40 °/s²
@@ -257,3 +258,17 @@ def test_the_long_sequence_takes_and_writes_what_its_run_on_the_simulated_bench_
     expected = estimate(load_plan(ROOT / "sequences/tumble_static.yaml", BENCH, preset=preset), BENCH)
     assert expected.total_s == pytest.approx(bench_s, rel=0.005)
     assert expected.size_bytes == pytest.approx(run_db_bytes, rel=0.05)
+
+
+def test_a_dbc_is_read_no_more_often_for_many_soaks_than_for_one(tmp_path, monkeypatch):
+    soak = (
+        "{soak: unit_temperature, at_least: 1 min, until_stable: {band: 0.2 °C, slope: 1 °C/h, hold: 10 min}, "
+        "give_up_after: 2 h}"
+    )
+    one, many = plan_of(tmp_path, steps(soak)), plan_of(tmp_path, steps(*[soak] * 5))
+    read, text_of = [], options.text_of
+    monkeypatch.setattr(options, "text_of", lambda dbc: read.append(dbc) or text_of(dbc))
+    estimate(one, BENCH)
+    of_one = len(read)
+    estimate(many, BENCH)
+    assert len(read) == 2 * of_one > 0
