@@ -80,7 +80,7 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
     net = int(positive.sum()) - int(negative.sum())
     net_pps = counts.shift.of(net / clock.span_s) if clock.span_s else float("nan")
     positive += negative
-    if _stands_still(clock, positive, abs(net_pps)):
+    if _stands_still(counts, clock, positive, abs(net_pps)):
         problems.append("dead_band")
     return Rate(net_pps, clock.span_s, tuple(problems))
 
@@ -143,19 +143,19 @@ def _possible(steps: Integers, most_pps: float, clock: _Clock) -> bool:
     return not (pulses > most_pps * clock.seconds + 1).any()
 
 
-def _fires_often(pulses: Integers, latches: float) -> bool:
-    """True if every row of so many latches contains pulses, quickly checked on halves of such rows."""
-    part = int(min(latches, len(pulses)) // 2)
+def _fires_often(counts: Counts, latches: float) -> bool:
+    """True if every row of so many latches contains pulses, quickly checked by the counters at the ends of halves."""
+    part = int(min(latches, len(counts.tick) - 1) // 2)
     if part < 1:
         return False
-    whole = len(pulses) // part * part
-    return bool(pulses[:whole].reshape(-1, part).any(axis=1).all())
+    positive, negative = (steps_of(each[::part], counts.counter_bits) for each in (counts.positive, counts.negative))
+    return bool((positive | negative).all())
 
 
-def _stands_still(clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
+def _stands_still(counts: Counts, clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
     """True if no pulse arrived for much longer than the mean rate suggests, and for at least three latches."""
     moves = rate_pps != 0 and clock.longest_s > 0
-    if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
+    if _fires_often(counts, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0) or pulses.all():
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
     begins, ends = fired[:-1] + 1, fired[1:]  # of the intervals without a pulse, most of which are empty
