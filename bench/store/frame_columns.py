@@ -143,11 +143,12 @@ def _decoded(parts: Sequence[_Part]) -> SortedBlock:
 
 
 def _rows_by_message(order: NDArray[np.uint8], counts: NDArray[np.int64]) -> list[NDArray[np.intp]]:
-    """Rows of each message, from the numbers of the messages of all frames; faster than to sort these."""
-    rows = [np.flatnonzero(order == number) for number in range(len(counts))]
-    if list(map(len, rows)) != counts.tolist() or not counts.all():
+    """Rows of each message, from the numbers of the messages of all frames."""
+    rows, ends = np.argsort(order, kind="stable"), np.cumsum(counts)
+    numbers = np.arange(len(counts))
+    if (order[rows[ends - counts]] != numbers).any() or (order[rows[ends - 1]] != numbers).any():
         raise MalformedError("it has frames of other messages than it describes")
-    return rows
+    return [rows[end - count : end] for end, count in zip(ends.tolist(), counts.tolist(), strict=True)]
 
 
 def _fill(columns: Sequence[_Words], part: _Part) -> None:
