@@ -17,6 +17,7 @@ RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between tw
 LEAST_SHARE = 0.5  # share of latches that must have arrived
 RATE_MARGIN = 1.05
 CLOCK_SLACK = 0.5  # deviation relative to the usual time between two latches
+QUICKLY = 0.999  # share of a limit below which a bound is not within rounding of it
 STANDSTILL_PERIODS = 5.0  # mean pulse periods without a pulse: dead band of the converter
 
 
@@ -57,15 +58,35 @@ def mean_rate(counts: Counts) -> Rate:
 def _clock_of(counts: Counts) -> _Clock:
     """Clock of at least two latches."""
     seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
+    numbers = counts.sequence[1:] - counts.sequence[:-1]
     return _Clock(
         counts.tick, counts.sequence, seconds, float(seconds.sum()), float(seconds.min()), float(seconds.max()),
-        is_irregular(seconds / np.diff(counts.sequence)),
+        is_irregular(seconds if (numbers == 1).all() else seconds / numbers),
     )  # fmt: skip
 
 
+@dataclass(frozen=True, slots=True)
+class _Pulses:
+    """Pulses between the latches, (N - 1,), their sum, and the most of them; negative steps count as very large."""
+
+    steps: Integers
+    total: int
+    most: int
+
+
+def _pulses_of(cumulative: Integers, bits: int) -> _Pulses:
+    """Pulses of a counter that wraps; if it did not, its ends tell their sum."""
+    steps = cumulative[1:] - cumulative[:-1]
+    most = int(steps.view(np.uint64).max())
+    if most >> min(bits, 63) == 0:
+        return _Pulses(steps, int(cumulative[-1]) - int(cumulative[0]), most)
+    steps = steps_of(cumulative, bits)
+    return _Pulses(steps, int(steps.sum()), int(steps.view(np.uint64).max()))
+
+
 def _rate(counts: Counts, clock: _Clock) -> Rate:
-    positive = steps_of(counts.positive, counts.counter_bits)
-    negative = steps_of(counts.negative, counts.counter_bits)
+    positive = _pulses_of(counts.positive, counts.counter_bits)
+    negative = _pulses_of(counts.negative, counts.counter_bits)
     problems = []
     if len(counts.tick) < LEAST_SHARE * (len(counts.tick) + counts.lost):
         problems.append("too_few_latches")
@@ -75,12 +96,11 @@ def _rate(counts: Counts, clock: _Clock) -> Rate:
         problems.append("irregular_clock")
     if clock.longest_s * counts.max_rate_pps >= 1 << counts.counter_bits:
         problems.append("ambiguous_gap")
-    if not all(_possible(steps, RATE_MARGIN * counts.max_rate_pps, clock) for steps in (positive, negative)):
+    if not all(_possible(pulses, RATE_MARGIN * counts.max_rate_pps, clock) for pulses in (positive, negative)):
         problems.append("impossible_rate")
-    net = int(positive.sum()) - int(negative.sum())
+    net = positive.total - negative.total
     net_pps = counts.shift.of(net / clock.span_s) if clock.span_s else float("nan")
-    positive += negative
-    if _stands_still(clock, positive, abs(net_pps)):
+    if _stands_still(counts, clock, (positive, negative), abs(net_pps)):
         problems.append("dead_band")
     return Rate(net_pps, clock.span_s, tuple(problems))
 
@@ -135,30 +155,34 @@ def is_irregular(latch_s: Array) -> bool:
     return bool((np.abs(latch_s - usual_s) >= CLOCK_SLACK * usual_s).any())
 
 
-def _possible(steps: Integers, most_pps: float, clock: _Clock) -> bool:
+def _possible(pulses: _Pulses, most_pps: float, clock: _Clock) -> bool:
     """True if a converter can have given so many pulses between the latches, none of them negative."""
-    pulses = steps.view(np.uint64)  # as unsigned numbers, negative steps are very large
-    if pulses.max() <= most_pps * clock.shortest_s + 1:  # the usual case, quickly checked
+    if pulses.most <= most_pps * clock.shortest_s + 1:  # the usual case, quickly checked
         return True
-    return not (pulses > most_pps * clock.seconds + 1).any()
+    return not (pulses.steps.view(np.uint64) > most_pps * clock.seconds + 1).any()
 
 
-def _fires_often(pulses: Integers, latches: float) -> bool:
-    """True if every row of so many latches contains pulses, quickly checked on halves of such rows."""
-    part = int(min(latches, len(pulses)) // 2)
+def _fires_often(counts: Counts, latches: float) -> bool:
+    """True if every row of so many latches contains pulses, quickly checked by the counters at the ends of halves."""
+    part = int(min(latches, len(counts.tick) - 1) // 2)
     if part < 1:
         return False
-    whole = len(pulses) // part * part
-    return bool(pulses[:whole].reshape(-1, part).any(axis=1).all())
+    positive, negative = (steps_of(each[::part], counts.counter_bits) for each in (counts.positive, counts.negative))
+    return bool((positive | negative).all())
 
 
-def _stands_still(clock: _Clock, pulses: Integers, rate_pps: float) -> bool:
+def _stands_still(counts: Counts, clock: _Clock, both: tuple[_Pulses, _Pulses], rate_pps: float) -> bool:
     """True if no pulse arrived for much longer than the mean rate suggests, and for at least three latches."""
     moves = rate_pps != 0 and clock.longest_s > 0
-    if pulses.all() or _fires_often(pulses, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
+    if _fires_often(counts, STANDSTILL_PERIODS / rate_pps / clock.longest_s if moves else 0.0):
+        return False
+    pulses = both[0].steps + both[1].steps
+    if pulses.all():
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
     begins, ends = fired[:-1] + 1, fired[1:]  # of the intervals without a pulse, most of which are empty
+    if moves and (ends - begins).max() * clock.longest_s < QUICKLY * STANDSTILL_PERIODS / rate_pps:
+        return False
     at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
     silent_s = at_s[ends] - at_s[begins]
     longest = int(np.argmax(silent_s))

@@ -77,7 +77,7 @@ class RunReader:
         self.folder = folder
         self._database = database.open_to_read(folder / database.FILE_NAME)
         self._kept: dict[int, NDArray[np.float64]] = {}  # readings of short channels
-        self._unpackers = ThreadPoolExecutor(thread_name_prefix="unpack")  # zlib releases the GIL
+        self._unpackers = ThreadPoolExecutor(1, "unpack")  # more would wait for the GIL
 
     def __enter__(self) -> Self:
         return self
@@ -126,7 +126,7 @@ class RunReader:
             yield stream, step, block
 
     def _unpacking(self, of: Callable[[Packed], T]) -> Iterator[tuple[str, str, int, T]]:
-        """Yield (stream, step, number of frames, unpacked block) in order; blocks are unpacked ahead in threads."""
+        """Yield (stream, step, number of frames, unpacked block) in order; blocks are unpacked ahead in a thread."""
         ahead: deque[tuple[str, str, int, Future[T]]] = deque()
         for stream, step, data, frames, crc in self._rows(_BLOCKS):
             ahead.append((stream, step, frames, self._unpackers.submit(of, Packed(data, frames, crc))))
@@ -144,7 +144,7 @@ class RunReader:
         return next(self.of_steps({step: dict}))
 
     def of_steps(self, make: Mapping[str, Callable[[Frames], T]]) -> Iterator[T]:
-        """Yield the result of each function on all frames of its step, in order; threads work some steps ahead."""
+        """Yield the result of each function on all frames of its step, in order; a thread works some steps ahead."""
         ahead: deque[Future[T]] = deque()
         for step, made_of in make.items():
             packed = list(self._rows(_BLOCKS_OF_STEP, step, *self._seqs_of_steps.get(step, (0, -1))))
