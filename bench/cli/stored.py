@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench.cli.collection import uncollected
 from bench.cli.commands import Command, argument, flag, option, whole_number
 from bench.cli.exits import BENCH_ERROR, PASS
 from bench.cli.streams import remark, say, say_json
@@ -86,13 +87,14 @@ def report(
     Beside an approved report no other is written; --out FILE writes a copy elsewhere. The format dcc is a Digital
     Calibration Certificate, with the approved report inside.
     """
-    from bench.errors import InputError
-    from bench.figures.languages import LANGUAGES
-    from bench.optional import imported
-    from bench.reduce.stored_run import open_run
-    from bench.report.dcc.versions import DEFAULT, VERSIONS
-    from bench.report.write import FORMS, write_report
-    from bench.store.runs import find_run
+    with uncollected():
+        from bench.errors import InputError
+        from bench.figures.languages import LANGUAGES
+        from bench.optional import imported
+        from bench.reduce.stored_run import open_run
+        from bench.report.dcc.versions import DEFAULT, VERSIONS
+        from bench.report.write import FORMS, write_report
+        from bench.store.runs import find_run
 
     _expect_one_of("--format", (*FORMS, DCC), form)
     _expect_one_of("--lang", LANGUAGES, lang)

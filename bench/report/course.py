@@ -48,12 +48,10 @@ class Course:
 
 def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
     """Time history of a run, whatever its state; `data` are the acquisitions of its results."""
-    events = list(run.reader.events())
     began_s, ended_s = run.reader.span_s()
     begins: dict[str, float] = {}
-    for event in events:
-        if event.kind in ("step_begins", "made_safe"):
-            begins.setdefault(_phase(event), event.at_s)
+    for event in run.reader.events("step_begins", "made_safe"):
+        begins.setdefault(_phase(event), event.at_s)
     edges_s = [*begins.values(), ended_s]
     entries = {label: entry for entry in reversed(run.sequence.results) for label in entry.labels}
     return Course(
@@ -66,7 +64,7 @@ def course_of(run: StoredRun, data: Sequence[RunData]) -> Course:
             for span in spans_of(part, entries[part.label], known_methods()[entries[part.label].method])
         ),
         acquisitions=tuple(Span(each.step, each.begin_s, each.end_s) for part in data for each in part.acquisitions),
-        incident_s=next((event.at_s for event in events if event.kind in INCIDENTS), None),
+        incident_s=next((event.at_s for event in run.reader.events(*INCIDENTS)), None),
     )
 
 

@@ -21,7 +21,7 @@ from bench.metrology.results.flag import Flag
 from bench.reduce.journal import Measurement
 from bench.reduce.spans import Span
 from bench.reduce.stored_run import open_run
-from bench.report.course import BINS, Course, _draw_phases
+from bench.report.course import BINS, Course, _draw_phases, course_of
 from bench.report.flag_words import flag_in_words
 from bench.report.page import simulated
 from bench.report.terminal import results_text
@@ -486,3 +486,19 @@ def written(*spans):
     strip = new_figure(1.0).subplots()
     _draw_phases(strip, Course(0.0, 1000.0, (), spans, (), None), 1.0)
     return [text.get_text() for text in sorted(strip.texts, key=lambda text: text.get_position()[0])]
+
+
+def test_the_course_of_a_run_reads_only_what_it_shows(smoke, monkeypatch):
+    read = []
+    with open_run(smoke.path) as run:
+        events = run.reader.events
+
+        def counted(*kinds):
+            for event in events(*kinds):
+                read.append(event.kind)
+                yield event
+
+        monkeypatch.setattr(run.reader, "events", counted)
+        course = course_of(run, [])
+    assert set(read) == {"step_begins", "made_safe"}
+    assert {"setup", "steps", "teardown"} <= {phase.name for phase in course.phases}

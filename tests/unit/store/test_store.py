@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import textwrap
+import tracemalloc
 from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
@@ -83,6 +84,22 @@ def test_what_was_written_is_read_back(tmp_path):
         assert {step: read["dvm"].tolist() for step, read in samples.items()} == {
             "steps/a": [[1.0, 1.1], [2.0, 1.2]], "steps/b": [[3.0, 1.3]],
         }  # fmt: skip
+
+
+def test_a_long_channel_is_read_in_parts(tmp_path, monkeypatch):
+    monkeypatch.setattr("bench.store.reader.KEPT_READINGS", 30_000)
+    values = np.random.default_rng(5).normal(20, 1, 100_000)
+    written(tmp_path, lambda w: w.readings("air", "°C", [Valid(float(at_s), v, 1) for at_s, v in enumerate(values)]))
+    with RunReader(tmp_path) as reader:
+        tracemalloc.start()
+        try:
+            found = reader.envelope("air", 10).values
+            _, peak_bytes = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert reader.series("air").values.tolist() == values.tolist()
+    assert found.tolist() == [extreme for part in values.reshape(10, -1) for extreme in (part.min(), part.max())]
+    assert peak_bytes < 30_000 * 16 + 500_000 < values.nbytes * 2, "two batches, and what may be kept"
 
 
 def test_a_run_from_before_there_were_samples_is_read_with_the_same_digest(tmp_path):
