@@ -35,7 +35,7 @@ class Row:
     ours: Side
     peers: tuple[Side, ...]
     limit: str  # "bare commit of SQLite on this disk: 210 µs"; "" where there is none
-    goal: str
+    goal: str  # "" where there is none
     is_met: bool
     lower_is_better: bool = True
 
@@ -73,7 +73,7 @@ def table(rows: Sequence[Row]) -> str:
     ]
     for row in rows:
         ours = f"{_shown(row.ours.value)} {row.unit} ({row.ours.durability})"
-        verdict = f"{row.goal}: {'met' if row.is_met else '**not met**'}"
+        verdict = f"{row.goal}: {'met' if row.is_met else '**not met**'}" if row.goal else "–"
         for at, peer in enumerate(row.peers or (None,)):
             first = (row.key, row.work, ours) if at == 0 else ("", "", "")
             beside = f"{peer.name}: {_shown(peer.value)} {row.unit} ({peer.durability})" if peer else "–"

@@ -38,7 +38,7 @@ ADVICE = (  # of what a store answers, in lower case: what to do
     ("no space left", "it is full: free space there; the push can be repeated"),
     ("quota", "it is full: free space there or raise its quota; the push can be repeated"),
     ("insufficientstorage", "it is full: free space there; the push can be repeated"),
-    ("507", "it is full: free space there; the push can be repeated"),
+    ("507 insufficient", "it is full: free space there; the push can be repeated"),
     ("timetooskewed", "the clocks of this computer and of the store differ: set the clock here"),
     ("date header", "the clocks of this computer and of the store differ: set the clock here"),
     ("nosuchbucket", "there is no such bucket: create it, or correct the name"),

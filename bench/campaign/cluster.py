@@ -9,7 +9,7 @@ import logging
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -83,8 +83,18 @@ def at_scheduler(address: str, files: TlsFiles) -> Iterator[Any]:
                 f"{address}: no connection to the scheduler ({' '.join(str(problem).split())[:300]}). Check that it "
                 "runs, and that its certificate and that of this client are of the same authority"
             ) from None
-        with client:
+        with _closing(client):
             yield client
+
+
+@contextmanager
+def _closing(client: Any) -> Iterator[None]:
+    """Close a client at the end. One that tries to reach a lost scheduler again may fail at that, and is closed."""
+    try:
+        yield
+    finally:
+        with suppress(OSError, ValueError):  # ValueError: of a connection with TLS that ends while it begins
+            client.close()
 
 
 def expect_secured(address: str) -> bool:

@@ -88,7 +88,7 @@ def test_a_cluster_by_the_page_and_a_scheduler_that_is_killed(certificates, port
     os.killpg(scheduler.pid, signal.SIGKILL)
     _, err = ended(campaign, 3)
     assert "the connection to the scheduler is lost" in err
-    assert "Traceback" not in err
+    assert "Traceback" not in err, err
     done = len(lines_in(tmp_path))
     assert 1 <= done < 60
     started(SCHEDULER, port)

@@ -36,7 +36,7 @@ def looked_at(seen, station, path):
     return found
 
 
-@pytest.mark.leaves("the connection to the station, which the next test uses")
+@pytest.mark.leaves("the connection to the station, which the other test uses")
 def test_an_engineer_controls_a_bench_by_hand_and_all_of_it_is_in_the_record(station):
     with browsing() as seen:
         page = seen.page
@@ -77,6 +77,7 @@ def test_an_engineer_controls_a_bench_by_hand_and_all_of_it_is_in_the_record(sta
     assert [each for each in seen.complaints if "422" not in each] == []
 
 
+@pytest.mark.leaves("the connection to the station, which the other test uses")
 def test_the_script_of_the_page_controls_a_bench(station):
     text = (ROOT / "docs/how-to/manual_control.md").read_text("utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```", text, re.M | re.S)

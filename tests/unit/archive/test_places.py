@@ -11,6 +11,7 @@ import pytest
 from bench.archive.database import SqlDatabase
 from bench.archive.destination import ABOUT, Destination, in_words
 from bench.archive.fetch import fetch
+from bench.archive.libraries import obstore
 from bench.archive.pending import pending_runs
 from bench.archive.publish import push
 from bench.archive.query import opened
@@ -83,6 +84,7 @@ def test_a_disk_that_cannot_be_written_is_named(tmp_path) -> None:
     ("answer", "advice"),
     [
         ("No space left on device (os error 28)", "it is full"),
+        ("Server returned non-2xx status code: 507 Insufficient Storage", "it is full"),
         ("RequestTimeTooSkewed: The difference between the request time", "the clocks of this computer"),
         ("<Code>NoSuchBucket</Code>", "there is no such bucket"),
         ("error sending request: tcp connect error: Connection refused", "the store does not answer"),
@@ -91,6 +93,11 @@ def test_a_disk_that_cannot_be_written_is_named(tmp_path) -> None:
 def test_errors_of_stores_say_what_to_do(answer, advice) -> None:
     assert advice in in_words("s3://lab/a", OSError(answer))
     assert answer in in_words("s3://lab/a", OSError(answer))
+
+
+def test_digits_of_a_name_are_no_status_of_a_store() -> None:
+    refused = obstore().exceptions.PermissionDeniedError("probe/9ec507a1: 403 Forbidden")
+    assert "the store refuses the key" in in_words("azure://lab/probe/9ec507a1", refused)
 
 
 def test_a_restored_run_is_the_one_that_was_pushed(smoke_copy, tmp_path) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.campaign.cluster import LOOPBACK, TlsFiles, _security, expect_secured
+from bench.campaign.cluster import LOOPBACK, SchedulerLost, TlsFiles, _closing, _security, expect_secured
 from bench.campaign.program import differences, digest_of, identity
 from bench.errors import InputError
 
@@ -67,3 +67,12 @@ def test_programs_differ_by_each_of_their_parts():
     other = {**known, "numpy": "1.0"} | {"my-plug-in": "2.0"}
     assert differences(known, other) == ["my-plug-in 2.0 instead of none", f"numpy 1.0 instead of {known['numpy']}"]
     assert digest_of(known) != digest_of(other)
+
+
+def test_a_client_that_fails_to_close_does_not_hide_why_it_is_closed():
+    class Reconnecting:
+        def close(self):
+            raise ValueError("IOStream is not idle; cannot convert to SSL")
+
+    with pytest.raises(SchedulerLost, match="lost"), _closing(Reconnecting()):
+        raise SchedulerLost("the connection to the scheduler is lost")
