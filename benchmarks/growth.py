@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -33,6 +32,15 @@ BEGIN, END = "<!-- growth: begin -->", "<!-- growth: end -->"
 ROUNDS = 3
 NOT_JUDGED = 5  # exit code of a run without limits
 POWERS = np.arange(0.3, 2.005, 0.01)
+
+STARTED = """\
+import json, resource, subprocess, sys
+nowhere = subprocess.DEVNULL
+ended = subprocess.run(sys.argv[1:], stdin=nowhere, stdout=nowhere, stderr=nowhere)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+cost = {"processor_s": used.ru_utime + used.ru_stime, "memory_mb": used.ru_maxrss / 1024}
+print(json.dumps({"exit": ended.returncode, **cost}))
+"""  # a small process in between, because the largest memory of a process is at least that of the one that started it
 
 NIGHT = """\
 schema: itb-sequence/1
@@ -115,12 +123,11 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float, np.ndarray]:
 
 def cost_of(command: Sequence[str | Path]) -> Cost:
     """What a process costs, with the children it waited for. Raises RuntimeError if it fails."""
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=ROOT)
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode not in (0, NOT_JUDGED):
-        raise RuntimeError(f"exit {process.returncode} of {' '.join(map(str, command))}")
-    return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+    started = [sys.executable, "-c", STARTED, *map(str, command)]
+    found = json.loads(subprocess.run(started, check=True, capture_output=True, text=True, cwd=ROOT).stdout)
+    if found["exit"] not in (0, NOT_JUDGED):
+        raise RuntimeError(f"exit {found['exit']} of {' '.join(map(str, command))}")
+    return Cost(found["processor_s"], found["memory_mb"])
 
 
 def run_cost(sequence: str, bench: str | Path = "simulated", units: Sequence[str] = ()) -> Cost:

@@ -26,7 +26,8 @@ def measure(whole: bool) -> Iterator[Row]:
     short_mb = night_mb(short_h)
     for long_h in longer:
         long_mb = night_mb(long_h)
-        ours = Side("this program", "each step on the disk", (100 * (long_mb - short_mb) / (long_h - short_h),))
+        more_mb = max(0.0, long_mb - short_mb)
+        ours = Side("this program", "each step on the disk", (100 * more_mb / (long_h - short_h),))
         work = f"memory of 100 h more: {short_mb:.0f} MB for a night of {short_h} h, {long_mb:.0f} MB for {long_h} h"
         goal = f"{long_h} h ≤ {MORE} × {short_h} h"
         yield Row("P7", work, "MB", ours, (peer,), "", goal, long_mb <= MORE * short_mb)
