@@ -55,9 +55,11 @@ class Viewer(threading.Thread):
     def _curves(self) -> None:
         query: dict[str, object] = {"channel": CHANNELS, "points": 600, "last": 900}
         for number in range(10**6):
-            found = self._client.get(f"/api/v1/runs/{self._run}/series", params=query).json()
-            since_s = max(0.0, found["until_s"] - 2 * found["width_s"])
-            query = {"channel": CHANNELS, "since": since_s, "width": found["width_s"]}
+            answer = self._client.get(f"/api/v1/runs/{self._run}/series", params=query)
+            if answer.status_code == httpx.codes.OK:  # one token's requests at once are limited
+                found = answer.json()
+                since_s = max(0.0, found["until_s"] - 2 * found["width_s"])
+                query = {"channel": CHANNELS, "since": since_s, "width": found["width_s"]}
             if number % round(ALERTS_EVERY_S / CURVES_EVERY_S) == 0:
                 self._client.get("/alerts/open", headers={"bench-poll": "true"})
             if self.over.wait(CURVES_EVERY_S):
@@ -114,6 +116,7 @@ def shares(counts: Sequence[int], seconds: float, delays: list[float] | None = N
             added = [Viewer(station, run.name) for _ in range(count - len(viewers))]
             for each in added:
                 each.start()
+                time.sleep(CURVES_EVERY_S / len(added))
             viewers += added
             time.sleep(5 if added else 0)
             found.append(share(station, seconds))
