@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +22,7 @@ import numpy as np
 from bench.figures.svg import as_document, drawing, new_figure
 from benchmarks import station_viewers, wide_bench
 from benchmarks.__main__ import ROOT, machine
+from benchmarks.cost import Cost, cost_of
 from benchmarks.rows.ingest import OURS, read
 
 KEPT = Path(__file__).parent / "growth.json"
@@ -30,17 +30,7 @@ PAGE = ROOT / "docs" / "explanation" / "performance.md"
 PICTURE = ROOT / "docs" / "images" / "growth.svg"
 BEGIN, END = "<!-- growth: begin -->", "<!-- growth: end -->"
 ROUNDS = 3
-NOT_JUDGED = 5  # exit code of a run without limits
 POWERS = np.arange(0.3, 2.005, 0.01)
-
-STARTED = """\
-import json, resource, subprocess, sys
-nowhere = subprocess.DEVNULL
-ended = subprocess.run(sys.argv[1:], stdin=nowhere, stdout=nowhere, stderr=nowhere)
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-cost = {"processor_s": used.ru_utime + used.ru_stime, "memory_mb": used.ru_maxrss / 1024}
-print(json.dumps({"exit": ended.returncode, **cost}))
-"""  # a small process in between, because the largest memory of a process is at least that of the one that started it
 
 NIGHT = """\
 schema: itb-sequence/1
@@ -64,13 +54,6 @@ steps:
   - repeat: {count}
     steps: [note: Nothing.]
 """
-
-
-class Cost(NamedTuple):
-    """Processor time in s and largest memory in MB of a process, or what else was measured of it."""
-
-    processor: float
-    memory: float | None = None
 
 
 @dataclass(frozen=True)
@@ -119,15 +102,6 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float, np.ndarray]:
     if begin < 0:
         begin, each = 0.0, float(np.linalg.lstsq(terms[:, 1:], np.ones_like(y))[0][0])
     return float(begin), float(each), (begin + each * x) / y - 1
-
-
-def cost_of(command: Sequence[str | Path]) -> Cost:
-    """What a process costs, with the children it waited for. Raises RuntimeError if it fails."""
-    started = [sys.executable, "-c", STARTED, *map(str, command)]
-    found = json.loads(subprocess.run(started, check=True, capture_output=True, text=True, cwd=ROOT).stdout)
-    if found["exit"] not in (0, NOT_JUDGED):
-        raise RuntimeError(f"exit {found['exit']} of {' '.join(map(str, command))}")
-    return Cost(found["processor_s"], found["memory_mb"])
 
 
 def run_cost(sequence: str, bench: str | Path = "simulated", units: Sequence[str] = ()) -> Cost:

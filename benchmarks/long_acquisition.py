@@ -7,7 +7,6 @@ are processor time of all threads, which other programs on the machine change le
 from __future__ import annotations
 
 import asyncio
-import resource
 import shutil
 import tempfile
 import time
@@ -19,6 +18,7 @@ from bench import loop as virtual
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.store.reader import RunReader
 from bench.store.runs import find_run
+from benchmarks.cost import peak_mb
 from benchmarks.timed_run import CONFIG, timed_run
 
 HOUR_S = 3600.0
@@ -88,7 +88,7 @@ def main() -> None:
                 )
         unpack_s, frames = read_back_s(folder / "runs")
     print(f"its frames are read back at {frames / unpack_s / 1e6:.1f} million a CPU second")
-    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    print(f"peak memory {peak_mb():.0f} MB")
 
 
 if __name__ == "__main__":

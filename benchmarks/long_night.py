@@ -5,7 +5,6 @@ Two temperatures with the same few measurements, however long the bench waits at
 
 from __future__ import annotations
 
-import resource
 import sys
 import tempfile
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
+from benchmarks.cost import peak_mb
 
 BENCH = Path(__file__).parents[1] / "config" / "simulated.yaml"
 SEQUENCE = """\
@@ -60,7 +60,7 @@ def main() -> None:
         result = execute(prepare(RunRequest(str(path), bench=str(BENCH), runs=Path(folder) / "runs")), Quiet())
     if result.outcome.how != "completed":
         raise SystemExit("\n".join(result.problems))
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    print(peak_mb())
 
 
 if __name__ == "__main__":

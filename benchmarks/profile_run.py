@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import cProfile
 import pstats
-import resource
 import tempfile
 import time
 from collections import defaultdict
@@ -19,6 +18,7 @@ from pathlib import Path
 from bench.app import execute as executing
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
+from benchmarks.cost import peak_mb
 
 PHYSICS = (
     "simulators/world", "simulators/thermal", "simulators/uut", "simulators/motion", "simulators/can_counter",
@@ -82,7 +82,7 @@ def main() -> None:
     for label, seconds in sorted(own.items(), key=lambda item: -item[1]):
         budget = f"   (budget {BUDGET_US[label]} µs)" if label in BUDGET_US else ""
         print(f"  {label:<20}{1e6 * wall_s / bench_s * seconds / total:>8.0f} µs{budget}")
-    print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
+    print(f"peak memory {peak_mb():.0f} MB")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,6 @@ RESOLUTION_COUNTS = 0.408  # 1/sqrt(6): standard deviation of a count between tw
 LEAST_SHARE = 0.5  # share of latches that must have arrived
 RATE_MARGIN = 1.05
 CLOCK_SLACK = 0.5  # deviation relative to the usual time between two latches
-QUICKLY = 0.999  # share of a limit below which a bound is not within rounding of it
 STANDSTILL_PERIODS = 5.0  # mean pulse periods without a pulse: dead band of the converter
 
 
@@ -67,7 +66,7 @@ def _clock_of(counts: Counts) -> _Clock:
 
 @dataclass(frozen=True, slots=True)
 class _Pulses:
-    """Pulses between the latches, (N - 1,), their sum, and the most of them; negative steps count as very large."""
+    """Pulses between the latches, (N - 1,), their sum, and the most of them, as by `_most`."""
 
     steps: Integers
     total: int
@@ -75,13 +74,18 @@ class _Pulses:
 
 
 def _pulses_of(cumulative: Integers, bits: int) -> _Pulses:
-    """Pulses of a counter that wraps; if it did not, its ends tell their sum."""
-    steps = cumulative[1:] - cumulative[:-1]
-    most = int(steps.view(np.uint64).max())
-    if most >> min(bits, 63) == 0:
-        return _Pulses(steps, int(cumulative[-1]) - int(cumulative[0]), most)
-    steps = steps_of(cumulative, bits)
-    return _Pulses(steps, int(steps.sum()), int(steps.view(np.uint64).max()))
+    """Pulses of a counter that may wrap; of one that did not, the sum is the difference of its ends."""
+    steps, total = cumulative[1:] - cumulative[:-1], int(cumulative[-1]) - int(cumulative[0])
+    most = _most(steps)
+    if most >> min(bits, 63):
+        steps = steps_of(cumulative, bits)
+        total, most = int(steps.sum()), _most(steps)
+    return _Pulses(steps, total, most)
+
+
+def _most(steps: Integers) -> int:
+    """Largest step; a negative one, as an unsigned number, is very large."""
+    return int(steps.view(np.uint64).max())
 
 
 def _rate(counts: Counts, clock: _Clock) -> Rate:
@@ -181,8 +185,6 @@ def _stands_still(counts: Counts, clock: _Clock, both: tuple[_Pulses, _Pulses], 
         return False
     fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
     begins, ends = fired[:-1] + 1, fired[1:]  # of the intervals without a pulse, most of which are empty
-    if moves and (ends - begins).max() * clock.longest_s < QUICKLY * STANDSTILL_PERIODS / rate_pps:
-        return False
     at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
     silent_s = at_s[ends] - at_s[begins]
     longest = int(np.argmax(silent_s))

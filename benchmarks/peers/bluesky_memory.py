@@ -1,8 +1,8 @@
 """Peak memory in MB of the RunEngine after COUNT readings of a signal in memory, whose documents are kept in a list."""
 
 import json
-import resource
 import sys
+from pathlib import Path
 
 import bluesky.plans as bp
 from bluesky import RunEngine
@@ -23,4 +23,6 @@ engine.subscribe(lambda name, document: documents.append((name, document)))
 with init_devices():
     thermometer = Thermometer("thermometer")
 engine(bp.count([thermometer], num=int(sys.argv[1])))
-print(json.dumps({"peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}))
+lines = Path("/proc/self/status").read_text("ascii").splitlines()
+peak_kb = next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))  # ru_maxrss has that of the parent
+print(json.dumps({"peak_mb": peak_kb / 1024}))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -13,6 +11,7 @@ from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.runner.quiet import Quiet
 from benchmarks.compared import Row, Side, in_turn
+from benchmarks.cost import cost_of
 
 BENCH = Path(__file__).parents[2] / "config" / "imu.yaml"
 GOALS_S = {"html": 2.0, "pdf": 8.0}
@@ -38,9 +37,6 @@ def written_s(run: Path, form: str) -> float:
     """Processor seconds of `bench report`, as a whole process, which writes the report beside the run."""
     out = run.parent / f"report.{form}"
     out.unlink(missing_ok=True)
-    command = [sys.executable, "-m", "bench", "report", run, "--format", form, "--out", out]
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(command, check=True, capture_output=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cost = cost_of([sys.executable, "-m", "bench", "report", run, "--format", form, "--out", out])
     assert out.stat().st_size
-    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return cost.processor

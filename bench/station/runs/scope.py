@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.metrology.acquisition import Counts
-from bench.station.runs.series import Array, angle_of, angles_deg, decoders_in, rates_of, steps_of, units_of
+from bench.metrology.pulse_counts import steps_of
+from bench.station.runs.series import Array, angle_of, angles_deg, decoders_in, rates_of, units_of
 from bench.store.blocks import unpack_all
 from bench.store.database import FILE_NAME
 from bench.store.decoder import Decoder

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from bench.errors import BenchError, InputError
 from bench.metrology.acquisition import Counts, Positions
+from bench.metrology.pulse_counts import steps_of
 from bench.station.runs.deviation import DEVIATION, bench_of, course, deviation, expectations
 from bench.store.blocks import unpack_all
 from bench.store.decoder import Decoder, decoders_of
@@ -196,11 +197,6 @@ def rates_of(counts: Counts) -> Array:
     took_s = steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(pulses / took_s, np.float64)
-
-
-def steps_of(values: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """Return the differences of a counter that wraps."""
-    return np.mod(np.diff(values), np.int64(1) << bits) if bits < 63 else np.diff(values)
 
 
 def buckets_of(at_s: Array, values: Array, width_s: float) -> list[Bucket]:
