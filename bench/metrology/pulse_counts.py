@@ -35,6 +35,7 @@ class _Clock:
 
     tick: Integers
     sequence: Integers
+    steps: Integers  # in ticks
     seconds: Array
     span_s: float
     shortest_s: float
@@ -56,10 +57,11 @@ def mean_rate(counts: Counts) -> Rate:
 
 def _clock_of(counts: Counts) -> _Clock:
     """Clock of at least two latches."""
-    seconds: Array = np.asarray(steps_of(counts.tick, counts.tick_bits) * counts.tick_period_s, np.float64)
+    steps = steps_of(counts.tick, counts.tick_bits)
+    seconds: Array = np.asarray(steps * counts.tick_period_s, np.float64)
     numbers = counts.sequence[1:] - counts.sequence[:-1]
     return _Clock(
-        counts.tick, counts.sequence, seconds, float(seconds.sum()), float(seconds.min()), float(seconds.max()),
+        counts.tick, counts.sequence, steps, seconds, float(seconds.sum()), float(seconds.min()), float(seconds.max()),
         is_irregular(seconds if (numbers == 1).all() else seconds / numbers),
     )  # fmt: skip
 
@@ -183,11 +185,11 @@ def _stands_still(counts: Counts, clock: _Clock, both: tuple[_Pulses, _Pulses], 
     pulses = both[0].steps + both[1].steps
     if pulses.all():
         return False
-    fired = np.concatenate(([-1], np.flatnonzero(pulses), [len(pulses)]))
+    fired = np.concatenate(([-1], np.flatnonzero(pulses != 0), [len(pulses)]))
     begins, ends = fired[:-1] + 1, fired[1:]  # of the intervals without a pulse, most of which are empty
-    at_s = np.concatenate(([0.0], np.cumsum(clock.seconds)))
-    silent_s = at_s[ends] - at_s[begins]
-    longest = int(np.argmax(silent_s))
+    at = np.concatenate(([0], np.cumsum(clock.steps)))  # in ticks: sums of integers are much faster
+    silent = at[ends] - at[begins]
+    longest = int(np.argmax(silent))
     if ends[longest] - begins[longest] < 3:
         return False
-    return rate_pps == 0 or float(silent_s[longest]) > STANDSTILL_PERIODS / rate_pps
+    return rate_pps == 0 or float(silent[longest] * counts.tick_period_s) > STANDSTILL_PERIODS / rate_pps
