@@ -34,6 +34,7 @@ _NAMES = {  # as both libraries spell them; other variables of these prefixes ar
     "AZURE_STORAGE_CLIENT_SECRET", "AZURE_STORAGE_TENANT_ID",
 }  # fmt: skip
 MOST_SHOWN = 300  # characters of an answer
+NAMED = re.compile(r"<(BucketName|Key|Resource)>.*?</\1>|[^\s<>]*/[^\s<>]+")  # buckets, objects and URLs in an answer
 ADVICE = (  # of what a store answers, in lower case: what to do
     ("no space left", "it is full: free space there; the push can be repeated"),
     ("quota", "it is full: free space there or raise its quota; the push can be repeated"),
@@ -186,7 +187,7 @@ def in_words(where: str, problem: Exception) -> str:
     whole = " ".join(str(problem).partition("Debug source")[0].split())
     found = re.search("<Code>(.*?)</Code>.*?<Message>(.*?)(RequestId|</Message>)", whole)
     answer = f"{found[1]}: {found[2]}" if found else whole[:MOST_SHOWN]
-    lower = whole.lower()
+    lower = NAMED.sub(" ", whole).lower()
     known = next((advice for sign, advice in ADVICE if sign in lower), "")
     exceptions = obstore().exceptions
     if not known and isinstance(problem, exceptions.PermissionDeniedError | exceptions.UnauthenticatedError):

@@ -95,9 +95,18 @@ def test_errors_of_stores_say_what_to_do(answer, advice) -> None:
     assert answer in in_words("s3://lab/a", OSError(answer))
 
 
-def test_digits_of_a_name_are_no_status_of_a_store() -> None:
-    refused = obstore().exceptions.PermissionDeniedError("probe/9ec507a1: 403 Forbidden")
-    assert "the store refuses the key" in in_words("azure://lab/probe/9ec507a1", refused)
+@pytest.mark.parametrize(
+    "answer",
+    [
+        "probe/9ec507a1: 403 Forbidden",
+        "PUT http://127.0.0.1:9000/quota-2026/a: 403 Forbidden",
+        "<Error><Code>AccessDenied</Code><Message>Access Denied.</Message><BucketName>read-only</BucketName></Error>",
+        "<Error><Code>AccessDenied</Code><Message>Access Denied.</Message><Resource>/quota</Resource></Error>",
+    ],
+)
+def test_names_of_buckets_and_objects_are_no_reasons(answer) -> None:
+    refused = obstore().exceptions.PermissionDeniedError(answer)
+    assert "the store refuses the key" in in_words("s3://lab/a", refused)
 
 
 def test_a_restored_run_is_the_one_that_was_pushed(smoke_copy, tmp_path) -> None:
