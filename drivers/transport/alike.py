@@ -22,27 +22,42 @@ for _index, _digit in enumerate(b"abcdef", start=10):
     NIBBLES[_digit] = _index
 
 
+class Portion(NamedTuple):
+    """Bytes that arrived between two instants: evenly, as far as is known."""
+
+    since_s: float
+    at_s: float
+    data: bytes
+
+
 @dataclass(frozen=True, slots=True)
 class Arrivals:
-    """Times of arrival of the bytes of a text: those before `ends` (C,) at `at_s` (C,), both ascending."""
+    """Times of arrival of the bytes of a text, whose portions (C,) have `ends` and arrived from `since_s` to `at_s`.
+
+    All are ascending.
+    """
 
     ends: NDArray[np.int64]
+    since_s: NDArray[np.float64]
     at_s: NDArray[np.float64]
 
     @classmethod
     def at_once(cls, at_s: float) -> Arrivals:
         """All bytes at one time."""
-        return cls(np.array([np.iinfo(np.int64).max]), np.array([at_s]))
+        return cls(np.array([np.iinfo(np.int64).max]), np.array([at_s]), np.array([at_s]))
 
     @classmethod
-    def of(cls, chunks: Sequence[tuple[float, bytes]], before: int = 0) -> Arrivals:
-        """Chunks with their times, in order; the first one's time is also that of `before` bytes ahead of it."""
-        ends = before + np.cumsum([len(chunk) for _, chunk in chunks], dtype=np.int64)
-        return cls(ends, np.array([at_s for at_s, _ in chunks], np.float64))
+    def of(cls, portions: Sequence[Portion], before: int = 0) -> Arrivals:
+        """Times of portions, in order; `before` bytes ahead of the first one arrived with it."""
+        ends = before + np.cumsum([len(each.data) for each in portions], dtype=np.int64)
+        since_s, at_s = np.array([(each.since_s, each.at_s) for each in portions], np.float64).T
+        return cls(ends, since_s, at_s)
 
     def of_bytes(self, places: NDArray[np.intp]) -> NDArray[np.float64]:
         """Times of the bytes at these places."""
-        return self.at_s[np.searchsorted(self.ends, places, side="right")]
+        of = np.searchsorted(self.ends, places, side="right")
+        left = (self.ends[of] - 1 - places) / np.diff(self.ends, prepend=0)[of]
+        return self.at_s[of] - left * (self.at_s - self.since_s)[of]
 
 
 class Alike(NamedTuple):

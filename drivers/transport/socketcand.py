@@ -19,6 +19,7 @@ from drivers.timing.awake import fair_timeout
 from drivers.transport.address import Address
 from drivers.transport.alike import Arrivals, alike, bytes_of, in_order, number_of
 from drivers.transport.exchange import printable
+from drivers.transport.paced_socket import PacedSocket
 from drivers.transport.text_frames import TextFrames
 
 HI, OK, RAW_MODE = b"< hi >", b"< ok >", b"< rawmode >"
@@ -114,14 +115,27 @@ class Socketcand(TextFrames):
         super().__init__(device, parse, "the socketcand server")
         self._wanted = b""
         self._is_open = False
+        self._socket: PacedSocket
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Store the transport."""
+        super().connection_made(transport)
+        if self._transport is not None:
+            self._socket = PacedSocket(self._transport, self._keep, self.connection_lost)
 
     def data_received(self, data: bytes) -> None:
         """Receive bytes of the server; until the bus is open, the first complete text is the awaited answer."""
         if self._is_open:
             super().data_received(data)
+            self._socket.note(self._portions[-1])
             return
         self._rest += data
         self._find_answer()
+
+    def take(self) -> FrameBlock:
+        """Frames until now since the last call; LinkLost if there is none and the connection is lost."""
+        self._socket.read()
+        return super().take()
 
     async def open(self, bus: str) -> None:
         """Request a bus and all its frames; raises CannotConnect."""

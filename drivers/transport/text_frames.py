@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from drivers.can.frame_block import FrameBlock
 from drivers.errors import LinkLost
-from drivers.transport.alike import Arrivals
+from drivers.transport.alike import Arrivals, Portion
 from drivers.transport.frame_link import DURABLE_BLOCK_S
 from drivers.transport.stream_end import StreamEnd
 
@@ -23,13 +23,17 @@ class TextFrames(StreamEnd):
     def __init__(self, device: str, parse: Parse, adapter: str, farewell: bytes = b"") -> None:
         super().__init__()
         self._device, self._parse, self._adapter, self._farewell = device, parse, adapter, farewell
-        self._chunks: list[tuple[float, bytes]] = []
+        self._portions: list[Portion] = []
         self._rest = b""
         self._answer: asyncio.Future[bool] | None = None  # answers to commands before the first frame
 
     def data_received(self, data: bytes) -> None:
         """Buffer bytes of the adapter, with their time of arrival."""
-        self._chunks.append((asyncio.get_running_loop().time(), data))
+        now_s = asyncio.get_running_loop().time()
+        self._keep(Portion(now_s, now_s, data))
+
+    def _keep(self, portion: Portion) -> None:
+        self._portions.append(portion)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Note the loss of the connection."""
@@ -39,13 +43,13 @@ class TextFrames(StreamEnd):
 
     def take(self) -> FrameBlock:
         """Frames since the last call; LinkLost if there is none and the connection is lost."""
-        chunks, self._chunks = self._chunks, []
-        if not chunks:
+        portions, self._portions = self._portions, []
+        if not portions:
             if self.lost:
                 raise LinkLost(self._device, self.lost, remedy="Check the adapter's cable, then run again.")
             return FrameBlock.empty()
-        data = b"".join([self._rest, *(chunk for _, chunk in chunks)])
-        block, self._rest, _ = self._parse(data, Arrivals.of(chunks, len(self._rest)))
+        data = b"".join([self._rest, *(each.data for each in portions)])
+        block, self._rest, _ = self._parse(data, Arrivals.of(portions, len(self._rest)))
         return block
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from drivers.can.frame_block import ERROR, EXTENDED, FrameBlock
 from drivers.errors import CannotConnect, LinkLost
 from drivers.transport.address import Address
-from drivers.transport.alike import Arrivals
+from drivers.transport.alike import Arrivals, Portion
 from drivers.transport.memory import Line, join
 from drivers.transport.socketcand import Socketcand, open_socketcand, parse, render
 from simulators.faults.instrument_faults import FaultPlan
@@ -100,10 +100,19 @@ def test_texts_of_equal_length_may_differ_in_everything() -> None:
 
 
 def test_a_frame_has_the_time_at_which_its_end_arrived() -> None:
-    chunks = [(1.0, TEXTS[:50]), (2.0, TEXTS[50:120]), (3.0, TEXTS[120:])]
+    chunks = [Portion(1.0, 1.0, TEXTS[:50]), Portion(2.0, 2.0, TEXTS[50:120]), Portion(3.0, 3.0, TEXTS[120:])]
     ends = [at for at in range(len(TEXTS)) if TEXTS[at : at + 1] == b">"]
     block, _, _ = parse(TEXTS, Arrivals.of(chunks))
     assert block.at_s.tolist() == [1.0 if end < 50 else 2.0 if end < 120 else 3.0 for end in ends]
+
+
+def test_texts_that_were_read_late_arrived_evenly_since_the_reading_before() -> None:
+    text = b"< frame 123 1690000000.000100 0A0B >"
+    block, _, _ = parse(
+        text * 8, Arrivals.of([Portion(1.0, 1.0, text), Portion(2.0, 3.0, text * 4), Portion(3.0, 3.5, text * 3)])
+    )
+    assert block.at_s == pytest.approx([1.0, 2.25, 2.5, 2.75, 3.0, 3.0 + 1 / 6, 3.0 + 2 / 6, 3.5])
+    assert block.at_s[[0, 4, 7]].tolist() == [1.0, 3.0, 3.5], "the last one at the reading itself, to the bit"
 
 
 def test_a_text_without_an_end_is_not_kept_for_ever() -> None:
