@@ -1,8 +1,9 @@
 """A CAN bus that sends at a fixed rate, in a process of its own: `python -m benchmarks.bus slcan --rate 8000`.
 
 It prints its address. Like an adapter, it waits for nobody: frames that the other side has not taken when the buffer is
-full are lost. The frames are those of config/if_counter.dbc: a latch
-and the counts of three axes, again and again.
+full are lost. A serial line gives them in portions, as an adapter with its latency timer; the server sends each frame
+by itself and at once, as socketcand does. The frames are those of config/if_counter.dbc: a latch and the counts of
+three axes, again and again.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ DBC = Path(__file__).parents[1] / "config" / "if_counter.dbc"
 FRAMES_OF_A_LATCH = 4
 PULSES = {"AxisX": 3, "AxisY": 5, "AxisZ": 7}  # positive ones between two latches; there are no others
 BUFFER_S = 0.25  # what an adapter keeps while nobody reads
-SEND_EVERY_S = 0.005
+SEND_EVERY_S = 0.005  # by a serial line
 WAIT_S = 60.0  # for somebody who opens the bus
 
 
@@ -88,6 +89,7 @@ def socketcand_server() -> tuple[str, Callable[[], int]]:
 
     def opened() -> int:
         connection, _ = listening.accept()
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.sendall(socketcand.HI)
         for _ in ("open", "rawmode"):
             connection.recv(256)
@@ -98,7 +100,7 @@ def socketcand_server() -> tuple[str, Callable[[], int]]:
     return f"127.0.0.1:{listening.getsockname()[1]}", opened
 
 
-def send(to: int, text: bytes, ends: NDArray[np.int64], rate: float) -> None:
+def send(to: int, text: bytes, ends: NDArray[np.int64], rate: float, *, one_by_one: bool = False) -> None:
     """Send frames whose ends in the text are given, in time; what does not fit is lost, oldest first."""
     os.set_blocking(to, False)
     bounds, kept = np.concatenate(([0], ends)), int(BUFFER_S * rate)
@@ -107,7 +109,8 @@ def send(to: int, text: bytes, ends: NDArray[np.int64], rate: float) -> None:
         due = min(int((time.monotonic() - began_s) * rate), len(ends))
         if (late := due - sent - kept) > 0:
             sent += late
-        waiting = begun + text[bounds[sent] : bounds[due]]
+        until = min(sent + 1, due) if one_by_one else due
+        waiting = begun + text[bounds[sent] : bounds[until]]
         taken = _written(to, waiting)
         if taken <= len(begun):
             begun = begun[taken:]
@@ -115,7 +118,8 @@ def send(to: int, text: bytes, ends: NDArray[np.int64], rate: float) -> None:
             end = int(bounds[sent]) + taken - len(begun)
             sent = int(np.searchsorted(bounds, end))
             begun = text[end : bounds[sent]]
-        time.sleep(SEND_EVERY_S)
+        if not (one_by_one and taken and sent < due):
+            time.sleep(1 / rate if one_by_one else SEND_EVERY_S)
 
 
 def _written(to: int, text: bytes) -> int:
@@ -138,7 +142,7 @@ def main() -> None:
     address, opened = slcan_line() if asked.link == "slcan" else socketcand_server()
     print(address, flush=True)
     with contextlib.suppress(ConnectionError):  # the other side has had enough
-        send(opened(), text, ends, asked.rate)
+        send(opened(), text, ends, asked.rate, one_by_one=asked.link == "socketcand")
 
 
 if __name__ == "__main__":

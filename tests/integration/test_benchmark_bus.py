@@ -50,3 +50,17 @@ def test_frames_arrive_whole_and_in_order(buffer_s: float, monkeypatch: pytest.M
     found = [sent[row.tobytes()] for row in block.data[block.ids == 0x100]]
     assert found == sorted(found)
     assert len(block) == COUNT or buffer_s < 1
+
+
+def test_a_server_sends_each_frame_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[bytes] = []
+
+    def written(to: int, text: bytes) -> int:
+        sent.append(text)
+        return len(text)
+
+    monkeypatch.setattr(bus, "_written", written)
+    some = ENDS[:50]
+    with open(os.devnull, "wb") as nobody:
+        bus.send(nobody.fileno(), TEXT, some, 10_000.0, one_by_one=True)
+    assert [text for text in sent if text] == [line + b"\r" for line in TEXT[: some[-1]].split(b"\r")[:-1]]
