@@ -1,7 +1,7 @@
-"""Reading of a socket: its loop tells of each portion, but while much arrives it is read by a timer.
+"""Reading of a socket: by the event loop as portions arrive, but by a timer while many do.
 
-A server sends each of 8,000 texts/s by itself, and to wake up for a portion costs a hundred times as much as to parse
-a text.
+A server may send each of 8,000 texts/s by itself, and a wake-up for a portion costs a hundred times as much as the
+parsing of a text.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ READ_BYTES = 2**22  # 10 s of a full bus; a socket of most systems holds less
 
 
 class PacedSocket:
-    """The socket of a transport; what it reads from there is passed to `keep`, instead of to the protocol.
+    """The socket of a transport. What is read here is passed to `keep`, and not to the protocol.
 
-    `end` is called if it finds the connection closed, before the transport does. A transport without a socket, such as
-    one in memory, keeps delivering. Lifetime: that of the transport.
+    `end` is called if a reading finds the connection closed before the transport does. A transport without a socket,
+    such as one in memory, keeps delivering. Lifetime: that of the transport.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ MANY = 100  # frames at once: enough to be read by the timer
 
 
 class Server(asyncio.Protocol):
-    """Opens a bus, and sends what a test wants."""
+    """A server that opens any bus, and sends the frames of a test."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -48,12 +48,12 @@ class Server(asyncio.Protocol):
 
 @asynccontextmanager
 async def opened() -> AsyncIterator[tuple[Server, FrameLink]]:
-    told = Server()
-    server = await asyncio.get_running_loop().create_server(lambda: told, "127.0.0.1", 0)
+    peer = Server()
+    server = await asyncio.get_running_loop().create_server(lambda: peer, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     link = await RealWires().frames("counter", Address.parse(f"socketcand://127.0.0.1:{port}/can0"))
     try:
-        yield told, link
+        yield peer, link
     finally:
         link.close()
         server.close()
@@ -133,7 +133,7 @@ def test_no_frame_is_older_than_the_last_time_that_there_was_none() -> None:
 
 
 @pytest.mark.parametrize("reset", [False, True])
-def test_a_server_that_closes_while_it_is_read_by_the_timer_is_told_after_its_last_frames(reset: bool) -> None:
+def test_a_server_that_closes_while_it_is_read_by_the_timer_is_reported_after_its_last_frames(reset: bool) -> None:
     async def main() -> None:
         async with opened() as (server, link):
             await read_by_the_timer(server)
@@ -150,7 +150,7 @@ def test_a_server_that_closes_while_it_is_read_by_the_timer_is_told_after_its_la
     run(main(), REAL_TIME)
 
 
-def test_an_acquisition_is_told_that_the_server_has_just_closed() -> None:
+def test_an_acquisition_reports_a_server_that_has_just_closed() -> None:
     async def main() -> None:
         async with opened() as (server, link):
             intake = FrameIntake("counter", link, lambda block: None, lambda text: None)
