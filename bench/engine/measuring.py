@@ -23,6 +23,7 @@ from bench.sequence.steps.limits import limits_in
 from bench.sequence.steps.measuring import Measure, Tare
 from bench.store.decoder import Decoder
 from drivers.can.frame_block import FrameBlock
+from drivers.can.sorted_block import joined
 from drivers.capabilities import PulseCounter
 
 VALUE_LOOK_S = 0.1  # polling interval for a value newer than the beginning of the step
@@ -186,4 +187,4 @@ async def frames_of(counter: PulseCounter, duration_s: float) -> FrameBlock:
             if not gate.expired():  # a silent counter is a TimeoutError too
                 raise
     await keep(blocks)
-    return FrameBlock.joined(kept) if kept else FrameBlock.empty()
+    return joined(kept)

@@ -16,6 +16,7 @@ from bench.store.decoder import decoders_of
 from bench.store.reader import RunReader
 from drivers.can.decoded import GapWatch
 from drivers.can.frame_block import FrameBlock
+from drivers.can.sorted_block import joined
 
 LOOKED_AT_ONCE = 10_000  # frames; checking a few takes as long as checking this many
 
@@ -42,7 +43,7 @@ class Watch:
             self._look(role)
 
     def _look(self, role: str) -> None:
-        block = FrameBlock.joined(self._waiting[role])
+        block = joined(self._waiting[role])
         self._waiting[role] = []
         for each in self._looks[role]:
             each.take(block)

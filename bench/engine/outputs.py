@@ -20,6 +20,7 @@ from bench.quality import Valid
 from bench.rig import Rig
 from bench.store.decoder import decoders_of
 from drivers.can.frame_block import FrameBlock
+from drivers.can.sorted_block import joined
 from drivers.capabilities import Meter
 
 
@@ -137,5 +138,5 @@ class Watched:
         channel = entry.accelerometers.get(sensor) or entry.telemetry or entry.channel
         for role in self._bench.measuring(entry):
             if channel in self._bench.devices[role].outputs and (blocks := self._frames[role]):
-                return self._decoders[role].outputs(FrameBlock.joined(blocks)).get(channel)
+                return self._decoders[role].outputs(joined(blocks)).get(channel)
         return None

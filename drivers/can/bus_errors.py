@@ -25,8 +25,7 @@ _CLASSES = {
 
 def error_classes(block: FrameBlock) -> NDArray[np.uint32]:
     """The classes of the error frames in a block, one or more bits each."""
-    ids = block.ids[(block.ids & np.uint32(ERROR)) != 0]
-    return np.asarray(ids & np.uint32(ERROR - 1), np.uint32)
+    return np.asarray(block.error_ids() & np.uint32(ERROR - 1), np.uint32)
 
 
 def class_names(classes: Iterable[int]) -> str:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.can.dbc_outline import READINGS, UNITS
-from drivers.can.frame_block import EXTENDED, FrameBlock, Sent
+from drivers.can.frame_block import EXTENDED, FrameBlock, Kind, Sent
 from drivers.can.options import text_of
+from drivers.can.sorted_block import SortedBlock
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as CantoolsMessage
@@ -186,11 +187,11 @@ def encode_frames(
     `values` gives (N,) integers by message and signal name; signals not named are 0.
     """
     messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
-    words = np.zeros((len(messages), len(at_s)), np.uint64)
-    for of_message, message in zip(words, messages, strict=True):
+    sent: dict[Kind, Sent] = {}
+    for place, message in enumerate(messages):
+        words = np.zeros(len(at_s), np.uint64)
         for name, integers in values[message.name].items():
-            of_message |= message.signal(name).bits(integers)
-    ids = np.tile(np.array([message.id for message in messages], np.uint32), len(at_s))
-    dlc = np.tile(np.array([message.length for message in messages], np.uint8), len(at_s))
-    data = np.ascontiguousarray(words.T, "<u8").view(np.uint8).reshape(-1, 8)
-    return FrameBlock(ids, at_s.repeat(len(messages)), dlc, data)
+            words |= message.signal(name).bits(integers)
+        rows = np.arange(place, len(at_s) * len(messages), len(messages))
+        sent[message.id, message.length] = Sent(rows, words)
+    return SortedBlock(at_s.repeat(len(messages)), sent)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 EXTENDED = 1 << 31  # set in the id of a frame with a 29-bit identifier, as SocketCAN does
 ERROR = 1 << 29  # set in the id of an error frame, whose other bits are its classes, as SocketCAN does
+NEWEST_FRAMES = 64  # rows searched first for the newest frame of each message
 
 Kind = tuple[int, int]
 """Id and length, by which messages are told apart."""
@@ -57,6 +58,20 @@ class FrameBlock:
         """Frames of the message with this id and length."""
         rows = np.flatnonzero((self.ids == frame_id) & (self.dlc == length))
         return Sent(rows, self.words.take(rows))
+
+    def newest(self, wanted: Collection[Kind]) -> dict[Kind, Sent]:
+        """Last frame of each of these messages, without those that have none."""
+        for begin in (max(len(self) - NEWEST_FRAMES, 0), 0):
+            kinds = zip(self.ids[begin:].tolist(), self.dlc[begin:].tolist(), strict=True)
+            rows = {kind: row for row, kind in enumerate(kinds, start=begin)}
+            if rows.keys() >= set(wanted):
+                break
+        found = {kind: np.array([rows[kind]]) for kind in wanted if kind in rows}
+        return {kind: Sent(row, self.words.take(row)) for kind, row in found.items()}
+
+    def error_ids(self) -> NDArray[np.uint32]:
+        """Identifiers of the error frames."""
+        return np.asarray(self.ids[(self.ids & np.uint32(ERROR)) != 0], np.uint32)
 
     def by_message(self, most: int) -> Mapping[Kind, Sent] | None:
         """Frames of each message, in order of their first ones; None if there are more than `most` messages."""

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can.dbc import Field
+from drivers.can.dbc import Field, Message
 from drivers.can.frame_block import FrameBlock
-from drivers.can.frame_cycles import cycles_of
+from drivers.can.frame_cycles import Cycles, cycles_of
 from drivers.can.sequence_numbers import Integers
+from drivers.can.sorted_block import SortedBlock
 
 
 @dataclass(slots=True)
@@ -86,13 +87,13 @@ class GapDetector:
         )
 
     def _are_followed(self, block: FrameBlock, rows: NDArray[np.intp], raw: Integers) -> bool:
-        """Return whether all others are cyclic with the leading message and carry its numbers: the usual case."""
-        cycles, found = cycles_of(block, rows), []
+        """Return whether all others are sent as often as the leading message and carry its numbers: the usual case."""
+        cycles, found = None if isinstance(block, SortedBlock) else cycles_of(block, rows), []
         for each in self.others:
-            at = cycles.rows(each.field.message)
-            if at is None or len(at) < len(rows):
+            words = _words(each.field.message, block, cycles)
+            if words is None or len(words) != len(rows):
                 return False
-            numbers = each.field.signal.raw(block.payloads(at))
+            numbers = each.field.signal.raw_in(words)
             if ((numbers ^ raw) & self._common(each)).any():
                 return False
             found.append(numbers)
@@ -126,3 +127,11 @@ class GapDetector:
         ahead = (leading.first - other.first) & mask  # numbers of the first latch whose other frames arrived before it
         behind = (leading.last - other.last + 1 & mask) - 1
         return ahead in (0, 1) and behind in (-1, 0, 1) and other.count - leading.count == ahead - behind
+
+
+def _words(message: Message, block: FrameBlock, cycles: Cycles | None) -> NDArray[np.uint64] | None:
+    """Data of the frames of a message, by the cycles of a block that is not sorted; None if one lacks it."""
+    if cycles is None:
+        return message.sent_in(block).words
+    rows = cycles.rows(message)
+    return None if rows is None else block.words.take(rows)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.can.frame_block import FrameBlock, Kind, Sent
+from drivers.can.frame_block import ERROR, FrameBlock, Kind, Sent
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 MOST_MESSAGES = 100  # of a block that is sorted; for more of them it is not worth it
@@ -28,6 +28,16 @@ class SortedBlock(FrameBlock):
     def sent(self, frame_id: int, length: int) -> Sent:
         """Frames of the message with this id and length."""
         return self._messages.get((frame_id, length), _NOTHING)
+
+    def newest(self, wanted: Collection[Kind]) -> dict[Kind, Sent]:
+        """Last frame of each of these messages, without those that have none."""
+        found = {kind: self._messages[kind] for kind in wanted if kind in self._messages}
+        return {kind: Sent(sent.rows[-1:], sent.words[-1:]) for kind, sent in found.items()}
+
+    def error_ids(self) -> NDArray[np.uint32]:
+        """Identifiers of the error frames."""
+        has_any = any(frame_id & ERROR for frame_id, _ in self._messages)
+        return super().error_ids() if has_any else np.empty(0, np.uint32)
 
     def by_message(self, most: int) -> Mapping[Kind, Sent] | None:
         """Frames of each message; None if there are more than `most` messages."""
@@ -73,3 +83,19 @@ def joined(blocks: Sequence[FrameBlock]) -> FrameBlock:
         np.concatenate([block.at_s for block in blocks]),
         {kind: Sent(*map(np.concatenate, zip(*sent, strict=True))) for kind, sent in parts.items()},
     )
+
+
+def merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
+    """Merge two blocks by time, of frames at the same time those of the first before those of the other.
+
+    The result is sorted unless both have a message in common, or too many.
+    """
+    ours, theirs = block.by_message(MOST_MESSAGES), other.by_message(MOST_MESSAGES)
+    if ours is None or theirs is None or ours.keys() & theirs.keys():
+        whole = FrameBlock.joined([block, other])
+        return whole.at(np.argsort(whole.at_s, kind="stable"))
+    before = block.at_s.searchsorted(other.at_s, side="right")  # frames of the first before each of the other
+    inserted = np.arange(len(other) + 1).repeat(np.diff(before, prepend=0, append=len(block)))
+    messages = {kind: Sent(sent.rows + inserted.take(sent.rows), sent.words) for kind, sent in ours.items()}
+    messages |= {kind: Sent(sent.rows + before.take(sent.rows), sent.words) for kind, sent in theirs.items()}
+    return SortedBlock(np.insert(block.at_s, before, other.at_s), messages)

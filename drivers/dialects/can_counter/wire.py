@@ -21,8 +21,6 @@ from drivers.can.options import PositionOptions
 from drivers.can.sequence_numbers import Integers, ascending, count_restarts, gaps_in, unwrapped_by_clock
 from drivers.dialects.can_counter.options import ChannelOptions, LatchOptions
 
-NEWEST_FRAMES = 64  # rows searched first for the newest frame of each message
-
 
 @dataclass(frozen=True, slots=True)
 class ChannelFormat:
@@ -217,24 +215,15 @@ def latches(form: CounterFormat, block: FrameBlock) -> tuple[Integers, NDArray[n
 def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[float, tuple[int, int]]]:
     """Arrival time and raw counts of the last frame of each channel in a block, without channels that have none."""
     messages = {name: pair.sequence.message for name, pair in form.channels.items()}
-    wanted = {(message.id, message.length) for message in messages.values()}
-    rows = _newest_rows(block, max(len(block) - NEWEST_FRAMES, 0))
-    if not wanted <= rows.keys():
-        rows = _newest_rows(block, 0)
+    newest = block.newest({(message.id, message.length) for message in messages.values()})
     found = {}
     for name, pair in form.channels.items():
-        row = rows.get((messages[name].id, messages[name].length))
-        if row is not None:
-            data = block.data[row].tobytes()
+        sent = newest.get((messages[name].id, messages[name].length))
+        if sent is not None:
+            data = sent.data.tobytes()
             counts = pair.positive.signal.raw_of(data), pair.negative.signal.raw_of(data)
-            found[name] = float(block.at_s[row]), counts
+            found[name] = float(block.at_s[sent.rows[0]]), counts
     return found
-
-
-def _newest_rows(block: FrameBlock, begin: int) -> dict[tuple[int, int], int]:
-    """Row of the last frame of each message from a row on, by id and length."""
-    kinds = zip(block.ids[begin:].tolist(), block.dlc[begin:].tolist(), strict=True)
-    return {kind: row for row, kind in enumerate(kinds, start=begin)}
 
 
 def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from drivers.can.bus_errors import BUS_OFF
 from drivers.can.dbc import Dbc, Field, encode_frames
 from drivers.can.frame_block import ERROR, FrameBlock
 from drivers.can.options import IDLE_BLOCK_S
+from drivers.can.sorted_block import joined, merged
 from drivers.errors import LinkLost
 from drivers.installed import loaded
 from simulators.faults.frame_faults import FrameFault, apply_fault
@@ -26,7 +27,6 @@ from simulators.units.unit_file import stream
 from simulators.world import World
 
 Array = NDArray[np.float64]
-T = TypeVar("T", bound=np.generic)
 TEMPERATURE_PERIOD_S = 1.0
 BAD_SHARE = 0.02  # share of affected frames on a bad bus
 PROTOCOL_ERROR = 0x008
@@ -104,7 +104,7 @@ class CanNode(ABC):
         sent, self._sent = self._sent, []
         if self.faults.active("cut"):
             raise LinkLost(self._name, "the connection was cut", remedy="Check the cable, then run again.")
-        return self._with_bus_faults(self._with_foreign(FrameBlock.joined(sent)))
+        return self._with_bus_faults(self._with_foreign(joined(sent)))
 
     def _with_bus_faults(self, frames: FrameBlock) -> FrameBlock:
         """Apply the faults of a bad bus to frames."""
@@ -136,26 +136,7 @@ class CanNode(ABC):
 
 def in_order(blocks: Sequence[FrameBlock]) -> FrameBlock:
     """Merge blocks, each in order of time, in order of time; for equal times in the order of the blocks."""
-    return reduce(_merged, blocks)
-
-
-def _merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
-    if not len(other):
-        return block
-    others = np.searchsorted(block.at_s, other.at_s, side="right") + np.arange(len(other))
-    of_block = np.ones(len(block) + len(other), np.bool_)
-    of_block[others] = False
-
-    def both(mine: NDArray[T], theirs: NDArray[T]) -> NDArray[T]:
-        merged = np.empty(len(of_block), mine.dtype)
-        merged[of_block], merged[others] = mine, theirs
-        return merged
-
-    words = both(block.words, other.words)
-    return FrameBlock(
-        both(block.ids, other.ids), both(block.at_s, other.at_s), both(block.dlc, other.dlc),
-        words.view(np.uint8).reshape(-1, 8),
-    )  # fmt: skip
+    return reduce(merged, blocks)
 
 
 def _before(frames: FrameBlock, at_s: float) -> FrameBlock:
