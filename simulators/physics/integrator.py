@@ -11,29 +11,24 @@ TURNS_OF_EXTREME = 8
 
 
 class Integrator:
-    """Signed charge integrators with + and - thresholds; fractions of a pulse are carried exactly.
+    """A signed charge integrator with + and - thresholds; fractions of a pulse are carried exactly."""
 
-    One integrator with increments of charge (n,), or several with (c, n), whose initial values are columns (c, 1).
-    """
-
-    def __init__(self, residue: Array | float, positive: Counts | int, negative: Counts | int) -> None:
+    def __init__(self, residue: float, positive: int, negative: int) -> None:
         self._residue = residue
         self.positive, self.negative = positive, negative
 
     def count(self, pulses: Array) -> tuple[Counts, Counts]:
-        """Cumulative + and - counts after each of the consecutive increments of charge, in pulses."""
-        if not pulses.size:
-            return np.empty(pulses.shape, np.int64), np.empty(pulses.shape, np.int64)
-        charge = self._residue + pulses.cumsum(-1)
-        net, fired_up = np.empty_like(charge), np.empty_like(charge)
-        for row in np.ndindex(charge.shape[:-1]):
-            net[row], fired_up[row] = _fired(pulses[row], charge[row])
-        self._residue = charge[..., -1:] - net[..., -1:]
-        positive, negative = fired_up.astype(np.int64), (fired_up - net).astype(np.int64)
-        positive += self.positive
-        negative += self.negative
-        self.positive, self.negative = positive[..., -1:], negative[..., -1:]
-        return positive, negative
+        """Cumulative + and - counts after each of the consecutive increments of charge (n,), in pulses."""
+        if not len(pulses):
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        charge = pulses.cumsum()
+        charge += self._residue
+        up, down = _fired(pulses, charge)
+        self._residue = float(charge[-1]) - int(up[-1] - down[-1])
+        up += self.positive
+        down += self.negative
+        self.positive, self.negative = int(up[-1]), int(down[-1])
+        return up, down
 
     def count_through_turns(self, pulses: Array) -> tuple[Counts, Counts]:
         """The same for increments (n,) over equal times between which the charge may reverse.
@@ -72,28 +67,31 @@ def _extremes(pulses: Array) -> tuple[Counts, Array]:
     return turns + later, np.where(later, extreme, two + extreme)
 
 
-def _fired(pulses: Array, charge: Array) -> tuple[Array, Array]:
-    """Net and + counts after each of the increments of a charge (n,); initially no pulses."""
+def _fired(pulses: Array, charge: Array) -> tuple[Counts, Counts]:
+    """+ and - counts after each of the increments of a charge (n,); initially no pulses."""
     if pulses.min() >= 0:
-        net = np.maximum(np.floor(charge), 0.0)
-        return net, net
+        return np.maximum(np.floor(charge), 0.0).astype(np.int64), np.zeros(len(charge), np.int64)
     if pulses.max() <= 0:
-        return np.minimum(np.ceil(charge), 0.0), np.zeros_like(charge)
-    net = _net(charge)
-    steps = np.diff(net, prepend=0.0)
-    return net, np.maximum(steps, 0.0, out=steps).cumsum()
+        return np.zeros(len(charge), np.int64), np.maximum(np.floor(-charge), 0.0).astype(np.int64)
+    net, times = _net(charge)
+    up = net.copy()
+    up[1:] -= net[:-1]
+    up = np.maximum(up, 0).cumsum()
+    return up.repeat(times), (up - net).repeat(times)
 
 
-def _net(charge: Array) -> Array:
-    """Net counts after a charge (n,), which may reverse; initially no pulses.
+def _net(charge: Array) -> tuple[Counts, Counts]:
+    """Successive net counts after a charge (n,), which may reverse, and how long each lasts; initially no pulses.
 
     A pulse is fired when charge and net count differ by a whole pulse: the net count is limited to the integers below
     and above the charge, and changes when one of these limits passes it.
     """
-    low, fired = np.floor(charge), np.ceil(charge)
-    up, changes = low[1:] > low[:-1], np.ones(len(charge), np.bool_)
-    np.logical_or(up, fired[1:] < fired[:-1], out=changes[1:])
-    fired[0] = min(max(0.0, low[0]), fired[0])
-    np.copyto(fired[1:], low[1:], where=up)
+    low, high = np.floor(charge), np.ceil(charge)
+    rises, changes = low[1:] > low[:-1], np.ones(len(charge) + 1, np.bool_)
+    np.logical_or(rises, high[1:] < high[:-1], out=changes[1:-1])
     at = np.flatnonzero(changes)
-    return fired[at].repeat(np.diff(at, append=len(charge)))
+    later = at[1:-1]
+    net = np.empty(len(at) - 1, np.int64)
+    net[0] = min(max(0.0, low[0]), high[0])
+    net[1:] = np.where(rises.take(later - 1), low.take(later), high.take(later))
+    return net, at[1:] - at[:-1]

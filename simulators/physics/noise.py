@@ -37,19 +37,19 @@ def at_ends(wanders: Sequence[Wander], interval_s: Array) -> Array:
     over_s = float(interval_s.sum())
     steps = math.ceil(over_s / WANDER_STEP_S)
     drawn = np.array([wander.passed(over_s / steps, steps) for wander in wanders])
-    step, part = _even(len(interval_s), steps)
-    found = np.diff(drawn).take(step, axis=1)
+    ends, part = _even(len(interval_s), steps)
+    found: Array = (drawn[:, 1:] - drawn[:, :-1]).repeat(ends, axis=1)
     found *= part
-    found += drawn.take(step, axis=1)
+    found += drawn[:, :-1].repeat(ends, axis=1)
     return found
 
 
 @lru_cache(maxsize=16)
 def _even(intervals: int, steps: int) -> tuple[NDArray[np.intp], Array]:
-    """For equal steps: index of the step in which each interval ends, and the fraction of it."""
+    """For equal steps: number of intervals that end in each, and the fraction of its step at the end of each."""
     passed = np.arange(1, intervals + 1) * (steps / intervals)
-    step: NDArray[np.intp] = np.minimum(passed.astype(np.intp), steps - 1)
-    return step, np.asarray(passed - step, np.float64)
+    step = np.minimum(passed.astype(np.intp), steps - 1)
+    return np.bincount(step, minlength=steps), np.asarray(passed - step, np.float64)
 
 
 class Noise:
@@ -70,10 +70,10 @@ class Noise:
 
 def mean_noise(channels: Sequence[Noise], interval_s: Array) -> Array:
     """Mean noise of several channels over each of the consecutive intervals, (c, n)."""
-    white = np.empty((len(channels), len(interval_s)))
-    for row, channel in zip(white, channels, strict=True):
-        channel.white.standard_normal(out=row)
-        row *= channel.white_1s
-    white /= np.sqrt(interval_s)
-    white += at_ends([channel.wander for channel in channels], interval_s)
-    return white
+    found = at_ends([channel.wander for channel in channels], interval_s)
+    white, root_s = np.empty(len(interval_s)), np.sqrt(interval_s)
+    for row, channel in zip(found, channels, strict=True):
+        channel.white.standard_normal(out=white)
+        white *= channel.white_1s / root_s
+        row += white
+    return found

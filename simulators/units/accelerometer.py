@@ -148,12 +148,13 @@ class UnitTruth:
     def rate_pps(self, current_a: Array, converter_c: Array | None = None) -> Array:
         """Net pulse rate of the converter; 0 inside the dead band. Without a temperature at the reference one."""
         warm = self._warm_c(converter_c)
-        scale = self.pulses_per_a * (1 + self.alpha * warm + self.alpha2 * warm**2)
-        slope = scale * (1 + np.sign(current_a) * self.asymmetry / 2)
-        bent = self.nonlinearity * self.pulses_per_a * current_a * np.abs(current_a) / self.full_scale_a
-        rate = slope * current_a + self.zero_pps + self.zero_drift_pps * warm + bent
-        rate = np.where(np.abs(rate) < self.pulses_per_a * self.dead_band_a, 0.0, rate)
-        return np.clip(rate, -self.max_rate_pps, self.max_rate_pps)
+        scale = self.pulses_per_a * (1 + warm * (self.alpha + warm * self.alpha2))
+        rate = scale * (1 + np.sign(current_a) * (self.asymmetry / 2))
+        rate += (self.nonlinearity * self.pulses_per_a / self.full_scale_a) * np.abs(current_a)
+        rate *= current_a
+        rate += self.zero_pps + self.zero_drift_pps * warm
+        rate[np.abs(rate) < self.pulses_per_a * self.dead_band_a] = 0.0
+        return rate.clip(-self.max_rate_pps, self.max_rate_pps)
 
 
 def coded(codes: Array, bits: int) -> Array:

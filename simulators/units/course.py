@@ -72,10 +72,10 @@ class Course:
 
 def straight(corners_s: Array, values: Array, at_s: Array) -> Array:
     """Rows of values (c, k) at the corners (k,), interpolated at times (n,) from the first to the last: (c, n)."""
-    begins = np.searchsorted(at_s, corners_s[1:-1])
-    piece = np.arange(len(corners_s) - 1).repeat(np.diff(begins, prepend=0, append=len(at_s)))
-    part = (at_s - corners_s.take(piece)) / np.diff(corners_s).take(piece)
-    found = np.diff(values).take(piece, axis=1)
-    found *= part
-    found += values.take(piece, axis=1)
+    begins = at_s.searchsorted(corners_s)
+    begins[0], begins[-1] = 0, len(at_s)
+    times, spans_s = begins[1:] - begins[:-1], corners_s[1:] - corners_s[:-1]
+    found = ((values[:, 1:] - values[:, :-1]) / spans_s).repeat(times, axis=1)  # far faster than to take by index
+    found *= at_s - corners_s[:-1].repeat(times)
+    found += values[:, :-1].repeat(times, axis=1)
     return found

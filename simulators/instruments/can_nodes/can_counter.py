@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import numpy as np
@@ -30,25 +29,6 @@ from simulators.units.unit_file import stream
 
 Array = NDArray[np.float64]
 BOARD_C = 25.0
-
-
-@dataclass(frozen=True, slots=True)
-class _Converters:
-    """Converters computed together: all whose charge is monotonic between two latches, or a single one."""
-
-    channels: Sequence[str]
-    swings: bool
-    integrator: Integrator
-
-    def count(self, pulses: Array, frozen: bool) -> tuple[Counts, Counts]:
-        """Their + and - counts after the charge of each latch, (c, n), in pulses; frozen counts do not change."""
-        if frozen:
-            stood = np.zeros(pulses.shape, np.int64)
-            return stood + self.integrator.positive, stood + self.integrator.negative
-        if self.swings:
-            positive, negative = self.integrator.count_through_turns(pulses[0])
-            return positive[np.newaxis], negative[np.newaxis]
-        return self.integrator.count(pulses)
 
 
 class SimulatedCounter(CanNode):
@@ -80,8 +60,10 @@ class SimulatedCounter(CanNode):
         }
         for imu in world.imus.values():
             self._units |= {name: unit for name, unit in imu.channels.items() if name in form.channels}
-        began = [[draws.uniform(0, 1), draws.integers(0, 1 << 20), draws.integers(0, 99)] for _ in form.channels]
-        self._converters = self._made(np.array(began, np.float64).reshape(-1, 3))
+        self._converters = {
+            name: Integrator(draws.uniform(0, 1), int(draws.integers(0, 1 << 20)), int(draws.integers(0, 99)))
+            for name in form.channels
+        }
         self._carry = dict.fromkeys(self._units, 0.0)  # pulses of the current latch, before a change of stimulus
         self._latches_per_temperature = max(1, round(TEMPERATURE_PERIOD_S / self._period_s))
         self.may_swap = frozenset(channel.sequence.message.id for channel in form.channels.values())
@@ -94,22 +76,6 @@ class SimulatedCounter(CanNode):
         """Create from a bench file."""
         dbc = dbc_in(setup.options.dbc)
         return cls(setup, dbc, format_of(setup.options, dbc))
-
-    def _made(self, began: Array) -> list[_Converters]:
-        """Converters of all channels, one row each: residual charge, and + and - counts."""
-        residue, counts = began[:, :1], began[:, 1:].astype(np.int64)
-        steady, made = [], []
-        for row, name in enumerate(self._form.channels):
-            if (unit := self._units.get(name)) is not None and unit.swings:
-                alone = Integrator(residue[row], counts[row, :1], counts[row, 1:])
-                made.append(_Converters([name], True, alone))
-            else:
-                steady.append(row)
-        if steady:
-            names = np.array(list(self._form.channels))[steady].tolist()
-            together = Integrator(residue[steady], counts[steady, :1], counts[steady, 1:])
-            made.append(_Converters(names, False, together))
-        return made
 
     def _before_change(self) -> None:
         """Send latches that are due, and integrate the charge under the stimulus that is about to change."""
@@ -137,7 +103,7 @@ class SimulatedCounter(CanNode):
         """Power-on: device clock, latches and counts start at 0, and the boot counter increases."""
         self._boots += 1
         self._origin_s, self._latch, self._tick0, self._sequence0 = self._counted_s, 0, 0, 0
-        self._converters = self._made(np.zeros((len(self._form.channels), 3)))
+        self._converters = {name: Integrator(0.0, 0, 0) for name in self._form.channels}
 
     def _frames(self, numbers: NDArray[np.int64], edges_s: Array) -> FrameBlock:
         form, at_s = self._form, edges_s[1:]
@@ -150,12 +116,13 @@ class SimulatedCounter(CanNode):
             values.setdefault(field.message.name, {})[field.signal.name] = integers
 
         put(form.tick, self._tick0 + np.rint(shown * (self._period_s / form.tick_period_s)).astype(np.int64))
-        put(form.sequence, self._sequence0 + shown)
+        sequence = self._sequence0 + shown
+        put(form.sequence, sequence)
         if form.boot_count is not None:
             put(form.boot_count, np.full_like(numbers, self._boots))
         spoils = self.faults.spans_s("cleared_count") or self.faults.spans_s("stuck_count")
-        for name, positive, negative in self._counts(edges_s, frozen):
-            channel = form.channels[name]
+        for name, channel in form.channels.items():
+            positive, negative = self._counts(name, edges_s, frozen)
             if spoils:
                 positive, negative = (
                     self._with_faults(name, at_s, positive),
@@ -165,10 +132,10 @@ class SimulatedCounter(CanNode):
                 continue
             put(channel.positive, positive)
             put(channel.negative, negative)
-            put(channel.sequence, self._sequence0 + shown)
+            put(channel.sequence, sequence)
         for name, encoder in form.positions.items():
             put(encoder.position, self._positions(name, np.full_like(at_s, at_s[0]) if frozen else at_s))
-            put(encoder.sequence, self._sequence0 + shown)
+            put(encoder.sequence, sequence)
         host_s = self._world.host_time(at_s)
         return in_order([encode_frames(self._dbc, host_s, values), self._temperature_frames(numbers, at_s)])
 
@@ -186,21 +153,17 @@ class SimulatedCounter(CanNode):
                     counts = np.where(during, self._held.setdefault(name, int(counts[np.argmax(during)])), counts)
         return counts
 
-    def _counts(self, edges_s: Array, frozen: bool) -> Iterator[tuple[str, Counts, Counts]]:
-        """+ and - counts of every channel at the latches."""
-        for converters in self._converters:
-            pulses = np.array([self._pulses(channel, edges_s) for channel in converters.channels])
-            yield from zip(converters.channels, *converters.count(pulses, frozen), strict=True)
-
-    def _pulses(self, channel: str, edges_s: Array) -> Array:
-        """Charge of a channel at each latch, in pulses."""
-        unit = self._units.get(channel)
+    def _counts(self, channel: str, edges_s: Array, frozen: bool) -> tuple[Counts, Counts]:
+        """+ and - counts of a channel at the latches; frozen counts do not change."""
+        unit, converter = self._units.get(channel), self._converters[channel]
         if unit is None:
-            return np.zeros(len(edges_s) - 1)
+            return converter.count(np.zeros(len(edges_s) - 1))
         pulses = unit.charge_pulses(edges_s)
         pulses[0] += self._carry[channel]
         self._carry[channel] = 0.0
-        return pulses
+        if frozen:
+            return np.full(len(pulses), converter.positive), np.full(len(pulses), converter.negative)
+        return converter.count_through_turns(pulses) if unit.swings else converter.count(pulses)
 
     def _positions(self, role: str, at_s: Array) -> NDArray[np.int64]:
         """Encoder reading of an axis at the times, in counts."""
