@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -189,9 +189,8 @@ def encode_frames(
     messages = sorted((dbc.message(name) for name in values), key=lambda message: message.id)
     sent: dict[Kind, Sent] = {}
     for place, message in enumerate(messages):
-        words = np.zeros(len(at_s), np.uint64)
-        for name, integers in values[message.name].items():
-            words |= message.signal(name).bits(integers)
+        fields = [message.signal(name).bits(integers) for name, integers in values[message.name].items()]
+        words = reduce(np.bitwise_or, fields, fields.pop() if fields else np.zeros(len(at_s), np.uint64))
         rows = np.arange(place, len(at_s) * len(messages), len(messages))
         sent[message.id, message.length] = Sent(rows, words)
     return SortedBlock(at_s.repeat(len(messages)), sent)

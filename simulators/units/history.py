@@ -34,7 +34,10 @@ class History:
 
     def go_on(self, *columns: Array) -> None:
         """Add a row for each element of these columns."""
-        rows = np.stack(columns, axis=-1)
+        self.add(np.stack(columns, axis=-1))
+
+    def add(self, rows: Array) -> None:
+        """Add rows (n, columns)."""
         self._begins_s.extend(rows[-self._rows % PAGE :: PAGE, 0].tolist())
         self._rows += len(rows)
         self._file.write(rows.tobytes())

@@ -177,8 +177,9 @@ class SimulatedImu:
         current_a, gyro_pps, board_c = self._sensed(edges_s)
         if current_a is None:
             return np.zeros((len(CHANNELS), len(edges_s) - 1))
-        acc_pps = self._accelerometers.rate_pps(current_a, board_c)
-        return np.asarray(np.concatenate([acc_pps, gyro_pps]) * np.diff(edges_s))
+        pulses = np.concatenate([self._accelerometers.rate_pps(current_a, board_c), gyro_pps])
+        pulses *= edges_s[1:] - edges_s[:-1]
+        return pulses
 
     def _codes(self, edges_s: Array) -> Array:
         current_a, gyro_pps, board_c = self._sensed(edges_s)
@@ -238,7 +239,7 @@ class SimulatedImu:
         drift_g = drift_g + hysteresis_g
         moving_g = self._accelerometers.kd * self.temperatures.rates_c_per_s(corners_s)
         state = ImuState(corners_s, drift_g, drift_dps, moving_g, sensors_c)
-        self.history.go_on(*np.vstack(state)[:, 1:])
+        self.history.add(np.vstack(state)[:, 1:].T)
         return np.concatenate([drift_g + moving_g, drift_dps]), sensors_c
 
     def _drifts(self, true_s: Array) -> tuple[Array, Array]:
