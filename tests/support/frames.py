@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.can.dbc import encode_frames
 from drivers.can.frame_block import FrameBlock
+from drivers.can.sorted_block import SortedBlock
 from drivers.transport import slcan
 from drivers.transport.alike import Arrivals
 from drivers.transport.frame_link import FrameLink
@@ -43,3 +44,10 @@ def counted(latches: int) -> FrameBlock:
         "AxisX": {"Positive": pulses & 0xFFFFFF, "Sequence": number & 0xFFFF},
     }
     return encode_frames(DBC, (5 * 10**9 + 10**7 * number) / 1e9, values)
+
+
+def in_order_of_messages(block: FrameBlock) -> SortedBlock:
+    """The same frames, sorted by message."""
+    messages = block.by_message(len(block))
+    assert messages is not None
+    return SortedBlock(block.at_s, messages)

@@ -1,12 +1,17 @@
 """Frames that go on from block to block, and some that do not, typed as in `test_can_counter`."""
 
+from collections.abc import Callable
+
 import pytest
 
+from drivers.can.frame_block import FrameBlock
 from drivers.dialects.can_counter.wire import unbroken
-from tests.support.frames import frames
+from tests.support.frames import frames, in_order_of_messages
 from tests.support.laboratory import counter_form
 
 Lines = tuple[str, ...]
+Form = Callable[[FrameBlock], FrameBlock]
+EITHER_FORM = pytest.mark.parametrize("form", [lambda block: block, in_order_of_messages], ids=["plain", "sorted"])
 FORM = counter_form()
 
 
@@ -22,6 +27,7 @@ def run(first: int, last: int) -> Lines:
     return tuple(line for number in range(first, last + 1) for line in sent(number))
 
 
+@EITHER_FORM
 @pytest.mark.parametrize(
     "blocks",
     [
@@ -36,13 +42,14 @@ def run(first: int, last: int) -> Lines:
         ((),),
     ],
 )
-def test_frames_that_go_on(blocks: tuple[Lines, ...]) -> None:
+def test_frames_that_go_on(blocks: tuple[Lines, ...], form: Form) -> None:
     look = unbroken(FORM)
     for lines in blocks:
-        look.take(frames(*lines))
+        look.take(form(frames(*lines)))
     assert look.is_whole
 
 
+@EITHER_FORM
 @pytest.mark.parametrize(
     "blocks",
     [
@@ -59,10 +66,10 @@ def test_frames_that_go_on(blocks: tuple[Lines, ...]) -> None:
         ((*sent(1)[1:], *sent(2)[1:]),),  # no latch at all
     ],
 )
-def test_frames_that_may_lack_some(blocks: tuple[Lines, ...]) -> None:
+def test_frames_that_may_lack_some(blocks: tuple[Lines, ...], form: Form) -> None:
     look = unbroken(FORM)
     for lines in blocks:
-        look.take(frames(*lines))
+        look.take(form(frames(*lines)))
     assert not look.is_whole
-    look.take(frames(*run(9, 10)))
+    look.take(form(frames(*run(9, 10))))
     assert not look.is_whole, "it is so for the rest of the acquisition"

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from drivers.can.frame_block import FrameBlock
 from drivers.can.frame_cycles import cycles_of
-from drivers.can.sorted_block import MOST_MESSAGES, SortedBlock
 from drivers.dialects.can_counter import wire
 from drivers.dialects.can_counter.wire import Counts, decode_counts
+from tests.support.frames import in_order_of_messages
 from tests.support.laboratory import counter_form
 
 FORM = counter_form()
@@ -95,12 +95,6 @@ def test_counts_are_the_same(
         expected = by_numbers(channel, frames)
         check_alike(decode_counts(FORM, channel, frames), expected)
         check_alike(decode_counts(FORM, channel, in_order_of_messages(frames)), expected)
-
-
-def in_order_of_messages(frames: FrameBlock) -> FrameBlock:
-    messages = frames.by_message(MOST_MESSAGES)
-    assert messages is not None
-    return SortedBlock(frames.at_s, messages)
 
 
 @pytest.mark.parametrize(("head", "tail", "whole"), [(0, 0, 9), (2, 0, 8), (0, 2, 9), (3, 3, 7)])

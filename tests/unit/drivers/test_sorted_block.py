@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from drivers.can.frame_block import FrameBlock
-from drivers.can.sorted_block import SortedBlock, joined
+from drivers.can.frame_block import ERROR, NEWEST_FRAMES, FrameBlock
+from drivers.can.sorted_block import SortedBlock, joined, merged
+from tests.support.frames import in_order_of_messages
 
 COLUMNS = ("ids", "at_s", "dlc", "data")
 
@@ -15,12 +16,6 @@ def drawn(frames: int, seed: int, ids: int = 5) -> FrameBlock:
         draws.integers(0, ids, frames).astype(np.uint32), np.sort(draws.uniform(0, 9, frames)),
         draws.integers(0, 9, frames).astype(np.uint8), draws.integers(0, 256, (frames, 8)).astype(np.uint8),
     )  # fmt: skip
-
-
-def in_order_of_messages(block: FrameBlock) -> SortedBlock:
-    messages = block.by_message(len(block))
-    assert messages is not None
-    return SortedBlock(block.at_s, messages)
 
 
 def check_alike(found: FrameBlock, expected: FrameBlock) -> None:
@@ -68,3 +63,43 @@ def test_sorted_and_other_blocks_are_joined(ids):
     assert isinstance(found, SortedBlock) == (ids == 5)
     check_alike(joined([]), FrameBlock.empty())
     check_alike(joined(blocks), expected)
+
+
+@pytest.mark.parametrize(("ids", "apart", "is_sorted"), [(5, 5, True), (5, 0, False), (60, 60, False)])
+def test_blocks_are_merged_by_time(ids, apart, is_sorted):
+    """Those that have a message in common, or too many, are not sorted. Times of one are those of the other as well."""
+    block, other = drawn(300, 7, ids), drawn(40, 8, ids)
+    other = FrameBlock(other.ids + np.uint32(apart), block.at_s[::8][:40], other.dlc, other.data)
+    whole = FrameBlock.joined([block, other])
+    expected = whole.at(np.argsort(whole.at_s, kind="stable"))
+    for ours, theirs in [(block, other), (in_order_of_messages(block), in_order_of_messages(other))]:
+        found = merged(ours, theirs)
+        check_alike(found, expected)
+        assert isinstance(found, SortedBlock) == is_sorted
+    for found in (merged(block, FrameBlock.empty()), merged(FrameBlock.empty(), block)):
+        check_alike(found, block)
+
+
+def test_the_newest_frame_of_each_message_is_its_last_one():
+    """That of one message lies before those that are looked at first."""
+    block = drawn(300, 9)
+    ids = np.where(np.arange(300) < 300 - NEWEST_FRAMES - 3, block.ids, block.ids % 3).astype(np.uint32)
+    block = FrameBlock(ids, block.at_s, np.full(300, 8, np.uint8), block.data)
+    wanted = [(0, 8), (1, 8), (4, 8), (4, 7), (9, 8)]
+    for each in (block, in_order_of_messages(block)):
+        found = each.newest(wanted)
+        assert found.keys() == {(0, 8), (1, 8), (4, 8)}
+        for (frame_id, _), sent in found.items():
+            (row,) = sent.rows.tolist()
+            assert row == np.flatnonzero(ids == frame_id)[-1]
+            assert np.array_equal(sent.data, block.data[[row]])
+
+
+@pytest.mark.parametrize("errors", [0, 4])
+def test_error_frames_are_found_in_either_form(errors):
+    block = drawn(50, 10)
+    ids = block.ids.copy()
+    ids[5 : 5 + errors] |= ERROR
+    block = FrameBlock(ids, block.at_s, block.dlc, block.data)
+    for each in (block, in_order_of_messages(block)):
+        assert each.error_ids().tolist() == ids[5 : 5 + errors].tolist()

@@ -13,6 +13,7 @@ from bench.methods.tumble.reduction.solution import solve_tumble
 from simulators.physics.integrator import Integrator
 from simulators.physics.noise import Wander, at_ends
 from simulators.units.accelerometer import Hysteresis, UnitTruth, draw_unit, noise_of
+from simulators.units.course import straight
 from simulators.units.unit_file import UnitFile
 from tests.support.laboratory import Laboratory, place, unit
 
@@ -315,6 +316,15 @@ def test_a_swing_between_latches_counts_as_far_as_it_goes(frequency_hz: float) -
     expected = np.subtract(*finely.count(np.diff(charge)))[39::40]
     found = np.subtract(*at_latches.count_through_turns(np.diff(charge[::40])))
     assert np.mean(found != expected) < 1e-3
+
+
+@pytest.mark.parametrize("corners_s", [[0.0, 9.0], [0.0, 0.05, 2.0, 2.0001, 7.5, 9.0]])
+def test_values_between_corners_lie_on_straight_lines(corners_s: list[float]) -> None:
+    """Also where no time is between two corners, and where one is at a time."""
+    at_s, corners = np.arange(1, 90) / 10, np.array(corners_s)
+    values = np.random.default_rng(1).normal(size=(3, len(corners)))
+    expected = [np.interp(at_s, corners, row) for row in values]
+    assert straight(corners, values, at_s) == pytest.approx(np.array(expected), abs=1e-12)
 
 
 def test_a_wander_does_not_depend_on_how_long_the_blocks_are() -> None:

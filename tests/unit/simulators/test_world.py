@@ -11,6 +11,7 @@ from bench.app.laboratory import make_laboratory, unit_files
 from bench.config.bench import load_bench
 from bench.errors import InputError
 from drivers.can.frame_block import FrameBlock
+from drivers.can.sorted_block import SortedBlock
 from drivers.dialects.can_counter.wire import decode_counts, latches, temperatures
 from drivers.errors import LinkLost
 from simulators.faults.instrument_faults import FaultPlan
@@ -221,6 +222,18 @@ def test_three_units_count_on_three_channels() -> None:
     block = counter.take()
     net = [np.diff(positive - negative).mean() * 10 for positive, negative in (counts(block, name) for name in "xyz")]
     assert net == pytest.approx([5000, 10_000 * math.cos(math.radians(30)), -5000], abs=0.02)
+
+
+def test_frames_come_sorted_by_message_in_the_order_of_a_bus() -> None:
+    lab = Laboratory(place())
+    counter = lab.counter()
+    lab.wait(2.05)
+    block = counter.take()
+    assert isinstance(block, SortedBlock)
+    latch, warm = [0x100, 0x101, 0x102, 0x103], [0x110]
+    assert block.ids.tolist() == [*latch * 10, *warm, *latch * 10, *warm]
+    of_latches = np.repeat(np.arange(1, 21) / 10, 4)
+    assert block.at_s == pytest.approx(np.insert(of_latches, [40, 80], [1.0, 2.0]), abs=1e-9)
 
 
 def test_a_stimulus_that_changes_between_latches_counts_to_its_moment() -> None:
