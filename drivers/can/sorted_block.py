@@ -90,6 +90,8 @@ def merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
 
     The result is sorted unless both have a message in common, or too many.
     """
+    if not len(other):
+        return block
     ours, theirs = block.by_message(MOST_MESSAGES), other.by_message(MOST_MESSAGES)
     if ours is None or theirs is None or ours.keys() & theirs.keys():
         whole = FrameBlock.joined([block, other])
