@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from bench.app.can_nodes import node_setup
 from bench.app.drawn import (
     AnyUnitFile,
@@ -51,6 +53,7 @@ from simulators.world import World
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)
 SERIAL_LATENCY_S = 0.004
+KEPT_BYTES = 8 << 20  # far more than the arrays of a simulated minute of frames
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,7 @@ def make_laboratory(
     Drift within a run is spread over `run_s`. The units are in the first chamber of the file, on the axes of its
     fixture. Each further chamber or head has its own air, or its own axis.
     """
+    keep_freed_memory()
     around_all = world_settings(bench, units, seed, run_s)
     world = World(around_all if places is None else _without_power(around_all, places), host_s)
     instruments: dict[str, Instrument] = {}
@@ -162,6 +166,15 @@ def make_laboratory(
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
                 made.load_ohm += bench.burden_ohm(role)
     return Laboratory(world, instruments, nodes, voltmeters, by_hand, _bad_lines(bench, instruments, seed))
+
+
+def keep_freed_memory() -> None:
+    """Let the C library reuse the memory of large arrays instead of returning it to the system each time.
+
+    The GNU C library keeps what is not larger than any mapping freed before (the dynamic threshold of mallopt(3)). It
+    would else have the pages of 0.3 MB arrays cleared for every block of frames, which takes a tenth of a long night.
+    """
+    np.empty(KEPT_BYTES, np.uint8)  # freed at once, and never touched
 
 
 def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, FaultyLine]:

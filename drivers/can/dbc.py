@@ -190,7 +190,7 @@ def encode_frames(
     sent: dict[Kind, Sent] = {}
     for place, message in enumerate(messages):
         fields = [message.signal(name).bits(integers) for name, integers in values[message.name].items()]
-        words = reduce(np.bitwise_or, fields, fields.pop() if fields else np.zeros(len(at_s), np.uint64))
+        words = reduce(np.bitwise_or, fields) if fields else np.zeros(len(at_s), np.uint64)
         rows = np.arange(place, len(at_s) * len(messages), len(messages))
         sent[message.id, message.length] = Sent(rows, words)
     return SortedBlock(at_s.repeat(len(messages)), sent)

@@ -30,7 +30,6 @@ Array = NDArray[np.float64]
 TEMPERATURE_PERIOD_S = 1.0
 BAD_SHARE = 0.02  # share of affected frames on a bad bus
 PROTOCOL_ERROR = 0x008
-KEPT_BYTES = 8 << 20
 Source = SimulatedUnit | SimulatedGyro | ImuChannel
 """Source of the counts or samples of one channel: a unit, or a channel of an inertial unit."""
 
@@ -85,7 +84,6 @@ class CanNode(ABC):
     }  # fmt: skip
 
     def __init__(self, name: str, world: World, faults: FaultPlan) -> None:
-        keep_freed_memory()
         self.faults = faults
         self._name, self._world = name, world
         self._sent: list[FrameBlock] = []
@@ -134,15 +132,6 @@ class CanNode(ABC):
     @abstractmethod
     def _catch_up(self) -> None:
         """Send due frames."""
-
-
-def keep_freed_memory() -> None:
-    """Let the C library reuse the arrays of a block for the next one, instead of asking the system for all of them.
-
-    GNU's library returns what is larger than anything freed before, and twice that from the end of its heap (dynamic
-    threshold, mallopt(3)). Blocks of a minute are computed in arrays of 0.3 MB, whose pages would be cleared each time.
-    """
-    np.empty(KEPT_BYTES, np.uint8)  # freed at once, and never touched
 
 
 def in_order(blocks: Sequence[FrameBlock]) -> FrameBlock:

@@ -9,7 +9,7 @@ import pytest
 FAULTS = """
 import resource
 import numpy as np
-from simulators.instruments.can_nodes.can_node import keep_freed_memory
+from bench.app.laboratory import keep_freed_memory
 
 if {kept}:
     keep_freed_memory()
@@ -27,8 +27,8 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 def faults(*, kept: bool) -> int:
     """Pages that the system had to give for 20 blocks of 3 MB, in a process of its own."""
-    told = subprocess.run([sys.executable, "-c", FAULTS.format(kept=kept)], capture_output=True, text=True, check=True)
-    return int(told.stdout)
+    done = subprocess.run([sys.executable, "-c", FAULTS.format(kept=kept)], capture_output=True, text=True, check=True)
+    return int(done.stdout)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the thresholds of another C library are its own")
