@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from bench.app.can_nodes import node_setup
 from bench.app.drawn import (
     AnyUnitFile,
@@ -27,6 +25,7 @@ from bench.config.load import load
 from bench.config.models import BenchFile
 from bench.errors import InputError
 from bench.loop import BenchLoop
+from bench.memory import keep_freed_memory
 from bench.reduce.corrections import corrections_of
 from drivers.description import DriverDescription
 from drivers.installed import loaded
@@ -53,7 +52,6 @@ from simulators.world import World
 P = TypeVar("P", bound=asyncio.Protocol)
 TCP = Line(latency_s=0.002)
 SERIAL_LATENCY_S = 0.004
-KEPT_BYTES = 8 << 20  # far more than the arrays of a simulated minute of frames
 
 
 @dataclass(frozen=True)
@@ -166,15 +164,6 @@ def make_laboratory(
                 world.sources[role] = Feed(made, current_errors(bench, role, seed), table)
                 made.load_ohm += bench.burden_ohm(role)
     return Laboratory(world, instruments, nodes, voltmeters, by_hand, _bad_lines(bench, instruments, seed))
-
-
-def keep_freed_memory() -> None:
-    """Let the C library reuse the memory of large arrays instead of returning it to the system each time.
-
-    The GNU C library keeps what is not larger than any mapping freed before (the dynamic threshold of mallopt(3)). It
-    would else have the pages of 0.3 MB arrays cleared for every block of frames, which takes a tenth of a long night.
-    """
-    np.empty(KEPT_BYTES, np.uint8)  # freed at once, and never touched
 
 
 def _bad_lines(bench: BenchFile, instruments: Mapping[str, Instrument], seed: int) -> dict[str, FaultyLine]:

@@ -17,6 +17,7 @@ from bench.cli.interrupts import end_at_once
 from bench.cli.streams import remark, say
 from bench.cli.table import COMMANDS
 from bench.errors import BenchError, InputError
+from bench.memory import keep_freed_memory
 from drivers.errors import DriverError
 
 PURPOSE = "Runs inertial-sensor test benches: sequences in, calibrated models with uncertainties out."
@@ -38,6 +39,7 @@ def run() -> None:
     """Run the command line; exit codes are those of `bench.cli.exits`."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # searching all packages for plug-ins is slow
     os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # idle threads of numpy would spin for 50 ms
+    keep_freed_memory()
     make_usable()
     if sys.argv[1:2] in (["run"], ["rehearse"], ["attempt"]):
         end_at_once()

@@ -9,7 +9,7 @@ import pytest
 FAULTS = """
 import resource
 import numpy as np
-from bench.app.laboratory import keep_freed_memory
+from bench.memory import keep_freed_memory
 
 if {kept}:
     keep_freed_memory()
