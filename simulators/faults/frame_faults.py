@@ -66,7 +66,7 @@ def apply_fault(
         case FrameFault.SHORT:
             lengths = np.where(hit, (block.dlc + draws.integers(1, 9, len(block))) % 9, block.dlc).astype(np.uint8)
             data = np.where(np.arange(8) < lengths[:, np.newaxis], block.data, 0).astype(np.uint8)
-            return FaultyFrames(replace(block, dlc=lengths, data=data), rows, hit)
+            return FaultyFrames(FrameBlock(block.ids, block.at_s, lengths, data), rows, hit)
         case FrameFault.SWAPPED:
             able = np.isin(block.ids, list(swapped))
             first = np.flatnonzero(hit[:-1] & able[:-1] & able[1:] & (block.ids[:-1] != block.ids[1:]))
@@ -74,7 +74,7 @@ def apply_fault(
             ids, altered = block.ids.copy(), untouched
             ids[first], ids[first + 1] = block.ids[first + 1], block.ids[first]
             altered[first] = altered[first + 1] = True
-            return FaultyFrames(replace(block, ids=ids), rows, altered)
+            return FaultyFrames(FrameBlock(ids, block.at_s, block.dlc, block.data), rows, altered)
 
 
 def _reordered(block: FrameBlock, rows: Rows) -> FaultyFrames:
