@@ -6,7 +6,7 @@ import pytest
 
 from bench.app.request import RunRequest, prepare
 from bench.errors import InputError, StoreError
-from bench.reduce import stored_run
+from bench.offline import calibration_file
 from bench.reduce.stored_run import open_run
 from campaigns.truth.campaign import full_bench, results_of, run_one
 
@@ -88,9 +88,9 @@ def test_the_tilt_of_the_run_that_found_the_model_is_named_as_in_sample(runs):
 
 def test_the_calibration_that_a_run_itself_found_verifies_nothing(runs, monkeypatch):
     """Its copy says so: data to which a model was fitted are refused before anything is computed."""
-    verified, honest = runs[1], stored_run.read_calibration
+    verified, honest = runs[1], calibration_file.read_calibration
     monkeypatch.setattr(
-        stored_run, "read_calibration", lambda path: honest(path).model_copy(update={"run": verified.name})
+        calibration_file, "read_calibration", lambda path: honest(path).model_copy(update={"run": verified.name})
     )
     with open_run(verified) as run, pytest.raises(StoreError, match="to which a model was fitted cannot verify it"):
         run.evaluate()
