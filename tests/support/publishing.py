@@ -33,7 +33,7 @@ def run_view(of: dict[str, Any], passed_s: float) -> RunView:
     now, number = wall_utc(), of["number"]
     asks = [QuestionView(step="ask", text=of.get("text", "Turn the unit over."), expected="done")]
     readings = [
-        ReadingView(name="chamber.process_value", quality="valid", value=-40 + passed_s % 1, unit="°C", age_s=0.1),
+        ReadingView(name="chamber.process_value", quality="valid", value=-40 + passed_s / 10 % 1, unit="°C", age_s=0.1),
         ReadingView(name="chamber.set_point", quality="valid", value=-40.0, unit="°C", age_s=0.1),
         ReadingView(name="head.angle", quality="valid", value=90.0, unit="°", age_s=0.1),
     ]
