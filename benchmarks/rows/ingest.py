@@ -1,8 +1,8 @@
 """A saturated CAN bus: bytes to stored frames and counts, beside python-can and cantools, from one sender.
 
-Processor time is of the reading process alone, from before the bus is opened until all counts are there, a frame. What
-a run costs that reads nothing, 0.02 s, is in it: of a slice by socketcand it is a tenth. The bus is full: 8,000
-frames/s are 1 Mbit/s. Overnight, the rate is doubled until a frame is lost or a core is full.
+Processor time a frame is that of the reading process alone, from before the bus is opened until all counts are there.
+It includes the 0.02 s of a run that reads nothing, a tenth of the slice by socketcand. The bus is full: 8,000 frames/s
+are 1 Mbit/s. Overnight, the rate is doubled until a frame is lost or a core is full.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def whole_nights() -> Iterator[Row]:
 
 
 def _speed(work: str, side: Side, goal: str = "", *, is_met: bool = True) -> Row:
-    """Row of a speed, which is high enough, and `is_met` what is asked besides."""
+    """Row of a speed: met if it reaches TIMES_REAL_TIME, and if the further goal `is_met`."""
     fast = side.value >= TIMES_REAL_TIME
     goal = f"≥ {TIMES_REAL_TIME:,} ×{goal}"
     return Row("P1", work, "× real time", side, (), "", goal, fast and is_met, lower_is_better=False)

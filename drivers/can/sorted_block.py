@@ -86,7 +86,7 @@ def joined(blocks: Sequence[FrameBlock]) -> FrameBlock:
 
 
 def merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
-    """Merge two blocks by time, of frames at the same time those of the first before those of the other.
+    """Merge two blocks by time; at equal times, frames of the first come before those of the other.
 
     The result is sorted unless both have a message in common, or too many.
     """

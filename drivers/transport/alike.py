@@ -32,9 +32,9 @@ class Portion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Arrivals:
-    """Times of arrival of the bytes of a text, whose portions (C,) have `ends` and arrived from `since_s` to `at_s`.
+    """Times of arrival of the bytes of a text, by portion; all (C,) and ascending.
 
-    All are ascending.
+    A portion is the bytes up to its end in `ends`, which arrived evenly between its times in `since_s` and `at_s`.
     """
 
     ends: NDArray[np.int64]

@@ -46,7 +46,7 @@ def at_ends(wanders: Sequence[Wander], interval_s: Array) -> Array:
 
 @lru_cache(maxsize=16)
 def _even(intervals: int, steps: int) -> tuple[NDArray[np.intp], Array]:
-    """For equal steps: number of intervals that end in each, and the fraction of its step at the end of each."""
+    """Number of intervals that end in each of the equal steps, and the fraction of a step at which each ends."""
     passed = np.arange(1, intervals + 1) * (steps / intervals)
     step = np.minimum(passed.astype(np.intp), steps - 1)
     return np.bincount(step, minlength=steps), np.asarray(passed - step, np.float64)

@@ -15,25 +15,19 @@ import pytest
 from bench.loop import REAL_TIME, run
 from drivers.errors import LinkLost
 from drivers.kinds.frame_source.intake import FrameIntake
-from drivers.transport.address import Address
 from drivers.transport.alike import Portion
 from drivers.transport.frame_link import FrameLink
 from drivers.transport.paced_socket import READ_EVERY_S, PacedSocket
-from drivers.transport.wires import RealWires
 from tests.support.frames import taken
+from tests.support.loopback import SaysHi, linked, served
 
 pytestmark = pytest.mark.integration
 
 MANY = 100  # frames at once: enough to be read by the timer
 
 
-class Server(asyncio.Protocol):
+class Server(SaysHi):
     """A server that opens any bus, and sends the frames of a test."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
-        transport.write(b"< hi >")
 
     def data_received(self, data: bytes) -> None:
         self.transport.write(b"< ok >")
@@ -49,9 +43,8 @@ class Server(asyncio.Protocol):
 @asynccontextmanager
 async def opened() -> AsyncIterator[tuple[Server, FrameLink]]:
     peer = Server()
-    server = await asyncio.get_running_loop().create_server(lambda: peer, "127.0.0.1", 0)
-    port = server.sockets[0].getsockname()[1]
-    link = await RealWires().frames("counter", Address.parse(f"socketcand://127.0.0.1:{port}/can0"))
+    server, port = await served(lambda: peer)
+    link = await linked(port)
     try:
         yield peer, link
     finally:

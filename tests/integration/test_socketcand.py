@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-from collections.abc import Callable
 from contextlib import AsyncExitStack
 from functools import partial
 from itertools import pairwise
@@ -25,13 +24,9 @@ from simulators.units.settings import WorldSettings
 from simulators.world import World
 from tests.support.frames import taken
 from tests.support.laboratory import a_counter
+from tests.support.loopback import SaysHi, linked, served
 
 pytestmark = pytest.mark.integration
-
-
-async def served(factory: Callable[[], asyncio.Protocol]) -> tuple[asyncio.Server, int]:
-    server = await asyncio.get_running_loop().create_server(factory, "127.0.0.1", 0)
-    return server, server.sockets[0].getsockname()[1]
 
 
 def counter(period_s: float) -> SimulatedCounter:
@@ -61,13 +56,8 @@ def test_the_client_of_python_can_reads_our_simulated_counter() -> None:
 
 
 def test_our_client_reads_what_a_server_says_in_pieces() -> None:
-    class Server(asyncio.Protocol):
+    class Server(SaysHi):
         """Texts as they are published, typed by hand."""
-
-        def connection_made(self, transport: asyncio.BaseTransport) -> None:
-            assert isinstance(transport, asyncio.Transport)
-            self.transport = transport
-            transport.write(b"< hi >")
 
         def data_received(self, data: bytes) -> None:
             if data == b"< open can0 >":
@@ -86,7 +76,7 @@ def test_our_client_reads_what_a_server_says_in_pieces() -> None:
 
     async def main() -> None:
         server, port = await served(Server)
-        link = await RealWires().frames("counter", Address.parse(f"socketcand://127.0.0.1:{port}/can0"))
+        link = await linked(port)
         block = await taken(link, 4, 5.0)
         assert block.ids.tolist() == [0x123, 0x1ABCDEF0 | EXTENDED, 0x7FF, ERROR | 0x008]
         assert block.dlc.tolist() == [2, 2, 0, 0]

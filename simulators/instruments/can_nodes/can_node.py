@@ -135,7 +135,7 @@ class CanNode(ABC):
 
 
 def in_order(blocks: Sequence[FrameBlock]) -> FrameBlock:
-    """Merge blocks, each in order of time, in order of time; for equal times in the order of the blocks."""
+    """Merge blocks, each in order of time, by time; frames at equal times keep the order of the blocks."""
     return reduce(merged, blocks)
 
 
