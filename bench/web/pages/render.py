@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -60,6 +61,11 @@ def with_prefix(fields: Mapping[str, str], prefix: str) -> dict[str, str]:
     return {name.removeprefix(prefix): value.strip() for name, value in fields.items() if name.startswith(prefix)}
 
 
+def digest(*texts: str) -> str:
+    """Return a digest of texts for the id of an element: the script of the pages finds it by selectors."""
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:16]
+
+
 def may(person: Person | None, scope: str) -> bool:
     """Return True if a person may do what needs a scope."""
     return person is not None and Scope(scope) in person.scopes
@@ -87,4 +93,6 @@ def _frame(request: Request) -> dict[str, Any]:
 @lru_cache(maxsize=1)
 def environment() -> Environment:
     """Environment of all templates. `tr` and `said` translate, `static` is the address of a file."""
-    return environment_of(TEMPLATES_OF, COMPILED, static=static, may=may, said=said, plain=plain, zone_of=ZoneInfo)
+    return environment_of(
+        TEMPLATES_OF, COMPILED, static=static, may=may, said=said, plain=plain, zone_of=ZoneInfo, digest=digest
+    )

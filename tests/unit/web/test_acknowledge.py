@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -54,3 +55,18 @@ def test_a_run_that_is_not_latched_is_refused_and_the_refusal_is_in_the_audit(tm
     answer, entries = asked(tmp_path, smoke_copy, reason="to be sure")
     assert answer.status == 422
     assert [action for action, _ in entries] == ["acknowledge", "acknowledge refused"]
+
+
+def test_the_form_survives_updates_of_the_page_whatever_the_units_name(tmp_path, latched):
+    """The id of what is preserved goes into a selector, where a dot would begin a class."""
+    run = latched.rename(latched.with_name(f"{latched.name}.15"))
+    found = []
+
+    async def ask(here):
+        here.add_users()
+        found.append((await here.ask("GET", "/instruments", cookie=here.session("engineer"))).body.decode())
+
+    with_station(tmp_path, ask)
+    assert f'name="run" value="{run.name}"' in found[0]
+    (kept,) = re.findall(r'hx-preserve id="([^"]+)"', found[0])
+    assert re.fullmatch(r"[a-z][a-z0-9-]*", kept)
