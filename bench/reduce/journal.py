@@ -204,6 +204,7 @@ def journal_records(reader: RunReader, unstated: Sequence[str] = ()) -> JournalR
     answers: list[Answered] = []
     left_out: list[LeftOut] = []
     dropped: dict[str, Dropped] = {}
+    acquired: dict[str, list[str]] = {}
     began_s, _ = reader.span_s()
     for event in reader.events("step_ended", "left_out", "answered", "unit_dropped"):
         data = event.data
@@ -221,8 +222,10 @@ def journal_records(reader: RunReader, unstated: Sequence[str] = ()) -> JournalR
             answers.append(Answered(event.step, str(data["question"]), answer, str(data["by"]), after_s))
         elif "reading" in data and "u" in data:
             measurements[first_visit(event.step)] = _measurement(event)
+        elif "label" in data:
+            acquired.setdefault(first_visit(event.step), []).append(event.step)
     interruptions = tuple(_interruptions(reader, began_s, tuple(unstated)))
-    superseded = tuple(_superseded(reader, began_s))
+    superseded = tuple(_superseded(reader, acquired, began_s))
     return JournalRecords(
         tuple(measurements.values()), tuple(answers), tuple(left_out), dropped, interruptions, superseded
     )
@@ -265,17 +268,16 @@ def _soaks_credited(reader: RunReader) -> dict[int, tuple[SoakCredited, ...]]:
     return found
 
 
-def _superseded(reader: RunReader, began_s: float) -> Iterator[Superseded]:
-    """Attempts at acquisitions before the last one that ended, in order."""
-    begun: dict[str, list[Event]] = {}
-    ended: dict[str, list[str]] = {}
-    for event in reader.events("step_begins", "step_ended"):
-        step = first_visit(event.step)
-        if event.kind == "step_begins":
-            begun.setdefault(step, []).append(event)
-        elif "label" in event.data:
-            ended.setdefault(step, []).append(event.step)
-    for step, complete in ended.items():
+def _superseded(reader: RunReader, acquired: Mapping[str, Sequence[str]], began_s: float) -> Iterator[Superseded]:
+    """Attempts at acquisitions before the last one that ended, in order; `acquired` are those that ended, by step."""
+    again = {step: complete for step, complete in acquired.items() if complete[-1] != step}
+    if not again:
+        return
+    begun: dict[str, list[Event]] = {step: [] for step in again}
+    for event in reader.events("step_begins"):
+        if (step := first_visit(event.step)) in begun:
+            begun[step].append(event)
+    for step, complete in again.items():
         for number, event in enumerate(begun[step], start=1):
             if event.step == complete[-1]:
                 break
