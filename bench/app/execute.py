@@ -8,7 +8,7 @@ from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bench.app.beginning import Register, instant, keep_inputs, write_beginning, write_manifest
 from bench.app.clock_record import ClockRecord
@@ -35,7 +35,6 @@ from bench.engine.questions import PromptQueue
 from bench.errors import InUseError, StoreError, error_message
 from bench.loop import AS_FAST_AS_POSSIBLE
 from bench.loop import run as run_loop
-from bench.reduce.evaluate import Results
 from bench.runner import manifest
 from bench.runner.alert import alert
 from bench.runner.found_on import NOTHING, LeftOn
@@ -50,6 +49,9 @@ from bench.store.runs import RunDirectory
 from bench.store.unsafe import write_unsafe
 from bench.store.writer import RunWriter
 from drivers.values import Identity
+
+if TYPE_CHECKING:  # a run begins before reduction is loaded
+    from bench.reduce.evaluate import Results
 
 HEALTHY_BLOCK_S = 60.0  # time for which frames stay with the nodes if no fault is planned
 

@@ -7,22 +7,23 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bench.app.laboratory import Laboratory
-from bench.app.truth import truth_of
 from bench.clock import Stopwatch
 from bench.engine.ending import Outcome
 from bench.errors import StoreError, error_message
 from bench.offline.calibration_content import calibration_files
-from bench.reduce.evaluate import Results
-from bench.reduce.stored_run import StoredRun
 from bench.runner.signals import Dropped, Signals
 from bench.store.chain import Link, beginning
 from bench.store.reader import RunReader, digest_of
 from bench.store.runs import MANIFEST, RunDirectory
 from bench.store.seal import close_record, file_hash
 from bench.store.verify import changed_files, examine
+
+if TYPE_CHECKING:  # a run begins before reduction is loaded
+    from bench.reduce.evaluate import Results
+    from bench.reduce.stored_run import StoredRun
 
 RESULTS, TRUTH = "results.json", "truth.json"
 FOREIGN = ".found"  # suffix of a file that was in the way of one of the run
@@ -57,6 +58,8 @@ class Finish:
         stored, results = None, None
         with ExitStack() as stack:
             try:
+                from bench.reduce.stored_run import StoredRun  # what a run needs only here
+
                 record["digest"] = record["digest"] or digest_of(path)
                 self._expect_unchanged()
                 stored = StoredRun(path, {**record, "state": outcome.how}, stack.enter_context(RunReader(path)))
@@ -97,7 +100,11 @@ class Finish:
             raise StoreError(f"{'; '.join(changed)}. The run is not reduced, because that is not what was run")
 
     def _write_results(self, stored: StoredRun, results: Results, laboratory: Laboratory | None) -> None:
-        contents = {} if laboratory is None else {TRUTH: truth_of(stored, laboratory)}
+        contents: dict[str, Any] = {}
+        if laboratory is not None:
+            from bench.app.truth import truth_of  # what only simulated runs need
+
+            contents[TRUTH] = truth_of(stored, laboratory)
         contents[RESULTS] = results.to_json()
         contents |= dict(calibration_files(results.units, self._record, stored.bench))
         for name, content in contents.items():

@@ -12,7 +12,7 @@ from bench.app.request import PreparedRun
 from bench.config.bench import LoadedBench
 from bench.config.document import Document
 from bench.errors import InputError
-from bench.reduce.stored_run import BENCH_COPY, SEQUENCE_COPY, released_copy
+from bench.store.runs import BENCH_COPY, SEQUENCE_COPY, released_copy
 from drivers.can.options import text_of
 from drivers.schema.fields import DocumentFile
 

@@ -23,17 +23,11 @@ from bench.sequence.plan.result_settings import as_chosen
 from bench.store.kept_json import LIMIT_BYTES, read_kept
 from bench.store.manifest_form import WHOLE_FORM
 from bench.store.reader import RunReader
-from bench.store.runs import MANIFEST, SEAL, summary
+from bench.store.runs import BENCH_COPY, MANIFEST, SEAL, SEQUENCE_COPY, released_copy, summary
 from bench.store.verify import Record, examine
 from drivers.schema.bounded import UnfitFileError, expect_bounded
 
 MOST_SHOWN = 3  # places of damage in a message
-SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
-
-
-def released_copy(place: str) -> str:
-    """Name of the copy of the calibration that was given to a run for the unit in a place."""
-    return f"released_{place}.json"
 
 
 class StoredRun:

@@ -23,7 +23,7 @@ from bench.metrology.run_data import RunData
 from bench.reduce.ambient import ambient_of
 from bench.reduce.evaluate import Results
 from bench.reduce.journal import JournalRecords, Measurement
-from bench.reduce.stored_run import BENCH_COPY, StoredRun
+from bench.reduce.stored_run import StoredRun
 from bench.report import gaps, page, tables
 from bench.report.afterwards import Afterwards, lines
 from bench.report.approval import certificate
@@ -36,6 +36,7 @@ from bench.report.revision import Revision
 from bench.sequence.language.values import in_words
 from bench.sequence.method import CHANNEL, MethodDescription, known_methods
 from bench.sequence.steps.limits import limits_in
+from bench.store.runs import BENCH_COPY
 from drivers.installed import loaded
 
 TEMPLATE = "report.html.j2"

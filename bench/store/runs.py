@@ -19,6 +19,7 @@ from bench.store.kept_json import read_kept
 from bench.store.manifest_form import MANIFEST_FORM, SEAL_FORM
 
 MANIFEST = "manifest.json"
+SEQUENCE_COPY, BENCH_COPY = "sequence.yaml", "bench.yaml"
 LOCK = "run.lock"
 RUNNER = "runner.json"
 SEAL = "seal.json"
@@ -132,6 +133,11 @@ def _create_exclusively(runs: Path, name: str) -> Path:
             path.mkdir()
             return path
     raise StoreError(f"{runs}: too many runs are called {name}")
+
+
+def released_copy(place: str) -> str:
+    """Name of the copy of the calibration that was given to a run for the unit in a place."""
+    return f"released_{place}.json"
 
 
 def _plain(text: str) -> str:

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from bench.config.bench import load_kept_bench
 from bench.loop import run as run_loop
 from bench.metrology.acquisition import Codes, Counts
-from bench.reduce.stored_run import BENCH_COPY
 from bench.store import database
 from bench.store.decoder import Decoder, decoders_of
 from bench.store.reader import Frames, RunReader
+from bench.store.runs import BENCH_COPY
 from bench.store.writer import RunWriter
 from benchmarks.compared import Row, Side, in_turn
 from benchmarks.night import night

@@ -20,8 +20,8 @@ from bench.config.bench import load_kept_bench
 from bench.config.models import BenchFile
 from bench.metrology.orientation import turned_axes
 from bench.reduce.acquisitions import mount_of, sources_on
-from bench.reduce.stored_run import BENCH_COPY
 from bench.store.reader import Event
+from bench.store.runs import BENCH_COPY
 from bench.store.tail import Bucket, Tail
 
 DEVIATION = ".deviation"  # added to the name of a channel

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from bench.errors import StoreError
 from bench.station.runs.findings import RESULTS, FindingView, read_findings
-from bench.station.units.history import BENCH_COPY, SEQUENCE_COPY, Identities, calibration_of, without_place
+from bench.station.units.history import Identities, calibration_of, without_place
 from bench.station.units.trends import Calibration, e_n
-from bench.store.runs import RunSummary
+from bench.store.runs import BENCH_COPY, SEQUENCE_COPY, RunSummary
 
 
 class _Model(BaseModel):

@@ -16,9 +16,8 @@ from bench.errors import StoreError
 from bench.station.runs.findings import RESULTS, FindingView, read_findings
 from bench.station.units.control_chart import LEAST, RULES, control_chart
 from bench.station.units.trends import Calibration, change, drift, e_n, reaches_limit
-from bench.store.runs import RunSummary
+from bench.store.runs import BENCH_COPY, SEQUENCE_COPY, RunSummary
 
-BENCH_COPY, SEQUENCE_COPY = "bench.yaml", "sequence.yaml"
 NEW_EACH_RUN = re.compile(r"^fixture\b|\.drift$|/")  # shared by results of one run, but not by runs
 READABLE = ("completed", "failed")
 

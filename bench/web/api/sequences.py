@@ -13,7 +13,6 @@ from pydantic import BaseModel, Field
 from bench.app.inputs import digest_of
 from bench.config.document import SIZE_LIMIT_BYTES
 from bench.errors import StaleError
-from bench.reduce.stored_run import SEQUENCE_COPY
 from bench.station.prepare import differences, texts
 from bench.station.prepare.completion import Completion, complete
 from bench.station.prepare.drafts import DraftCheck, Examined, bench_texts, check_draft, check_file, expect_readable
@@ -21,6 +20,7 @@ from bench.station.prepare.releases import Kind, Release
 from bench.station.prepare.texts import SequenceText
 from bench.station.prepare.versions import Version
 from bench.station.queue.items import Line, Word
+from bench.store.runs import SEQUENCE_COPY
 from bench.web.access import Engineer, Person, Reader
 from bench.web.api.releases import Difference
 from bench.web.services import Services, Station

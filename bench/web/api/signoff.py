@@ -17,7 +17,7 @@ from bench.station.runs.catalogue import ticket_of
 from bench.station.signoff.decisions import Decision, Pending, Signed
 from bench.station.signoff.files import Issue, usable_key, write_staged
 from bench.store.reader import RunReader
-from bench.store.runs import RunSummary
+from bench.store.runs import BENCH_COPY, RunSummary
 from bench.web.access import Approver, Person, Reader
 from bench.web.services import Services, Station
 
@@ -115,7 +115,6 @@ def facts_of(run: RunSummary) -> dict[str, str]:
 
 def _ambient(run: RunSummary) -> str:
     from bench.reduce.ambient import ambient_of  # imports much, which a station does not wait for
-    from bench.reduce.stored_run import BENCH_COPY
 
     try:
         bench = load_kept_bench(run.path / BENCH_COPY)

@@ -13,13 +13,13 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from bench.app.inputs import digest_of
 from bench.errors import BenchError, InputError, StaleError, StoreError
 from bench.figures.times_and_sizes import duration
-from bench.reduce.stored_run import BENCH_COPY, SEQUENCE_COPY
 from bench.station.prepare.differences import difference_of
 from bench.station.prepare.drafts import DraftCheck, Examined, FindingView, bench_texts
 from bench.station.prepare.releases import Kind, Release
 from bench.station.prepare.sequences import SequenceView, purpose_of
 from bench.station.prepare.uses import chosen, suits, uses_of
 from bench.station.prepare.versions import Version
+from bench.store.runs import BENCH_COPY, SEQUENCE_COPY
 from bench.web.access import Engineer, Reader
 from bench.web.api import sequences as api
 from bench.web.pages.render import form_of, page
