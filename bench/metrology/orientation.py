@@ -10,13 +10,16 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
 from bench.metrology.acquisition import Acquisition, Array, Mount
 from bench.metrology.bench_uncertainty import BenchRecord, Vector
-from bench.metrology.run_data import UnitUnderTest
+
+if TYPE_CHECKING:  # a run that begins turns axes, and has no results yet
+    from bench.metrology.run_data import UnitUnderTest
 
 SOUTH = np.array([0.0, -1.0, 0.0])
 ELSEWHERE_DEG = 37.0  # from no position of a tumble to another

@@ -6,14 +6,17 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Output, Turned, Voltages, Window
-from bench.metrology.calibration.force_terms import Sample
 from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
-from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.metrology.sampled_codes import FEWEST_CODES, has_restarted, mean_between, mean_code, sampled_at_s, stuck
+
+if TYPE_CHECKING:  # a run that begins takes means, and has no results yet
+    from bench.metrology.calibration.force_terms import Sample
+    from bench.metrology.run_data import RunData, UnitUnderTest
 
 FEWEST_VOLTAGES = 2  # minimum number for a standard deviation
 NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))

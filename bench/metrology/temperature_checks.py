@@ -6,8 +6,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from bench.metrology.least_squares import Array
-
+Array = NDArray[np.float64]
 POSSIBLE_C = (-100.0, 200.0)  # wider than any chamber; an open or shorted sensor reads far beyond
 JUMP_C = 5.0
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from bench.config.models import BenchFile
 from bench.files import content_hash
-from bench.metrology.results.finding import UnitResult
+
+if TYPE_CHECKING:  # a run begins before it has results
+    from bench.metrology.results.finding import UnitResult
 
 SCHEMA, DIGEST = "itb-calibration/1", "digest"
 

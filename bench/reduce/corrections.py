@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from bench.config.devices import Calibration
 from bench.config.models import BenchFile
 from bench.figures.languages import tr
 from bench.metrology.acquisition import Array, Counts, Currents, Voltages
-from bench.metrology.run_data import RunData
 from bench.store.reader import Series
 from drivers.certificates.corrections import (
     ARCSEC_PER_DEG,
@@ -25,6 +25,9 @@ from drivers.certificates.corrections import (
     CurrentCorrections,
     VoltageCorrections,
 )
+
+if TYPE_CHECKING:  # a simulated bench is drawn with corrections before there are results
+    from bench.metrology.run_data import RunData
 
 MA_PER_A, NA_PER_MA = 1e3, 1e6
 
