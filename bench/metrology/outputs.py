@@ -11,8 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Output, Turned, Voltages, Window
-from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates
-from bench.metrology.sampled_codes import FEWEST_CODES, has_restarted, mean_between, mean_code, sampled_at_s, stuck
+from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates, steps_of
+from bench.metrology.sampled_codes import (
+    FEWEST_CODES,
+    has_restarted,
+    host_per_device,
+    mean_between,
+    mean_code,
+    sampled_at_s,
+    stuck,
+)
 
 if TYPE_CHECKING:  # a run that begins takes means, and has no results yet
     from bench.metrology.calibration.force_terms import Sample
@@ -96,16 +104,22 @@ def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = N
     A common delay of the samples shifts both ends alike: whole turns remain whole.
     """
     counted = {channel: found for channel, found in channels.items() if isinstance(found, Counts)}
+    clocks = {id(each.tick): each for each in counted.values()}  # channels of one counter share its clock
+    ratios = {clock: _host_per_device(each) for clock, each in clocks.items()}
     rates = mean_rates(counted)
-    return {
-        channel: _counted(found, rates[channel]) if isinstance(found, Counts) else _sent(found, turned)
-        for channel, found in channels.items()
-    }
+    windows = {channel: _counted(rates[channel], ratios[id(each.tick)]) for channel, each in counted.items()}
+    sent = {channel: _sent(found, turned) for channel, found in channels.items() if isinstance(found, Codes)}
+    return windows | sent
 
 
-def _counted(counts: Counts, rate: Rate) -> Window:
-    host_span_s = float(counts.host_s[-1] - counts.host_s[0]) if len(counts.host_s) else 0.0
-    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, _resolution_pps(rate))
+def _host_per_device(counts: Counts) -> float:
+    """Seconds of the host's clock in one of the counter's; 1 if it shows no time."""
+    device_s = np.concatenate(([0], np.cumsum(steps_of(counts.tick, counts.tick_bits)))) * counts.tick_period_s
+    return host_per_device(device_s, counts.host_s) if len(counts.tick) > 1 and device_s[-1] > 0 else 1.0
+
+
+def _counted(rate: Rate, ratio: float) -> Window:
+    return Window(rate.net_pps, rate.span_s, ratio * rate.span_s, rate.problems, _resolution_pps(rate))
 
 
 def _sent(codes: Codes, turned: Turned | None) -> Window:

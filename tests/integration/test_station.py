@@ -28,8 +28,9 @@ pytestmark = [pytest.mark.integration, pytest.mark.slow]
 
 def test_items_run_one_after_the_other_and_their_events_are_streamed(tmp_path):
     with serving(tmp_path) as station:
-        first, second = station.submit(), station.submit(units={"a": "QF-0001"})
-        assert station.get("queue")[1]["begins"] is not None
+        first, second = station.submit(speed="20"), station.submit(units={"a": "QF-0001"})
+        (waiting,) = [each for each in station.get("queue") if each["id"] == second["id"]]
+        assert waiting["begins"] is not None
         ended = station.ended(first)
         assert (ended["verdict"], ended["outcome"]) == ("PASS", "completed")
         assert station.ended(second)["verdict"] == "PASS"

@@ -14,6 +14,7 @@ from campaigns.truth import judge
 from campaigns.truth.imu import QUANTITIES, bench_file, compared, draw_scale_factors
 from campaigns.truth.replay import replayed, template_of
 
+pytestmark = pytest.mark.timeout(600)
 SEEDS = range(1, 13)
 SHORT = (
     "offsets=[0 °C, 10 °C, 20 °C]", "warm_up=2 h", "soak=30 min", "dwell=60 s", "settle=1 s", "rate_dwell=3 s",

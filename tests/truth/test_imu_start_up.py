@@ -17,6 +17,7 @@ from campaigns.truth import judge
 from campaigns.truth.campaign import campaign, full_bench, results_of, run_one
 from campaigns.truth.imu_start_up import CALIBRATION, LIMITS, compare_start_up
 
+pytestmark = pytest.mark.timeout(600)
 SHORT = ("temperatures=[15 °C]", "soak=30 min", "passes=8", "ramp_rate=3 °C/min")
 
 SEED, FURTHER_SEEDS = 4, range(5, 16)

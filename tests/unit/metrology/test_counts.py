@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.metrology.acquisition import Counts
+from bench.metrology.outputs import windows_of
 from bench.metrology.pulse_counts import RESOLUTION_COUNTS, mean_rate
 
 MAX_PPS = 256_000.0
@@ -54,6 +55,30 @@ def test_a_mean_is_from_the_first_to_the_last_latch_across_every_wrap() -> None:
     assert rate.span_s == pytest.approx(10.0)
     assert rate.net_pps == pytest.approx(11_300.0)
     assert rate.problems == ()
+
+
+@pytest.mark.parametrize("portion_s", [0.016, 0.25])
+def test_a_span_by_the_clock_of_the_host_does_not_depend_on_its_last_arrival(
+    portion_s: float,
+) -> None:
+    """An adapter hands over what it has every 16 ms, a busy server now and then; the counter is 50 ppm fast."""
+    number = np.arange(6000)
+    latched_s = 0.01 * number * (1 - 50e-6)
+    handed_over_s = np.ceil((latched_s + 0.005) / portion_s) * portion_s
+    found = counted(
+        11_300.0, 6000, tick=(4_294_000_000 + 10_000 * number) % 2**32, host_s=3600.0 + handed_over_s,
+        positive=(16_770_000 + 113 * number) % 2**24,
+    )  # fmt: skip
+    window = windows_of({"x": found})["x"]
+    assert window.span_s == pytest.approx(59.99)
+    assert window.host_span_s / window.span_s - 1 == pytest.approx(-50e-6, abs=10e-6 * portion_s / 0.016)
+
+
+def test_nor_on_latches_that_waited_while_the_computer_was_busy() -> None:
+    number = np.arange(600)
+    handed_over_s = np.where(number > 570, 60.0, 0.1 * number)  # the last 3 s at once
+    window = windows_of({"x": counted(11_300.0, 600, host_s=handed_over_s)})["x"]
+    assert window.host_span_s == pytest.approx(window.span_s, rel=1e-9)
 
 
 def test_negative_pulses_count_against_positive_ones() -> None:

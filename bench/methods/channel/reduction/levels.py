@@ -19,7 +19,7 @@ from bench.metrology.pulse_counts import mean_rate, shifted_counts
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 LEAST_LEVEL_G = 0.1  # of an axis of an inertial unit; below it, it is level, and its channel has no input level
-SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host
+SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host, or latch numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,13 +185,19 @@ def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Ch
 
 
 def _device_s(counts: Counts) -> Array:
-    """Device time of every latch (n,); after a restart of the device, continued by the host's clock."""
+    """Device time of every latch (n,); after a restart of the device, continued by the host's clock.
+
+    A restart shows in latch numbers and in times of arrival. Arrivals alone may be far from the latches: several of
+    them at once behind an adapter that hands over what it has every 16 ms.
+    """
     if len(counts.host_s) < 2:
         return counts.host_s
-    host_s = np.diff(counts.host_s)
+    host_s, numbers = np.diff(counts.host_s), np.diff(counts.sequence)
     steps_s = np.diff(counts.tick) % (1 << counts.tick_bits) * counts.tick_period_s
-    begun_anew = np.abs(steps_s - host_s) > SAME_CLOCK * np.maximum(host_s, float(np.median(steps_s)))
-    elapsed_s = np.cumsum(np.where(begun_anew, host_s, steps_s))
+    usual_s = float(np.median(steps_s))
+    unlike_host = np.abs(steps_s - host_s) > SAME_CLOCK * np.maximum(host_s, usual_s)
+    unlike_numbers = np.abs(steps_s - numbers * usual_s) > SAME_CLOCK * usual_s
+    elapsed_s = np.cumsum(np.where(unlike_host & unlike_numbers, host_s, steps_s))
     return np.concatenate(([0.0], elapsed_s)) + float(counts.host_s[0])
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from bench.methods.channel.method import CHANNEL_TEMPERATURE
 from bench.methods.channel.reduction.compared_levels import OWN_TEMPERATURE
+from bench.methods.channel.reduction.levels import read_out
 from bench.methods.channel.reduction.run import reduce
 from bench.methods.channel.reduction.transfer_meter import Metered
 from bench.metrology import gate_scatter as channel_scatter
@@ -410,6 +411,21 @@ def test_a_counter_that_begins_anew_in_a_run_costs_one_gate():
     made.acquisitions[1] = replace(ramp, counts={"x": replace(counts, tick=tick, positive=positive, restarts=1)})
     slope = found(reduced(made))["rate/temperature_coefficient@up_1g"]
     assert abs(slope.value - S * K1 * ALPHA - BETA) < 2e-4
+
+
+def test_arrivals_in_portions_do_not_change_the_times_of_latches():
+    """Latches every 5 ms behind a serial adapter, which hands over what it has every 16 ms."""
+    made = Made().ramp("gravity", 1.0, seconds=20.0)
+    (ramp,) = made.acquisitions
+    number = np.arange(4000)
+    counts = replace(
+        ramp.counts["x"], sequence=number, tick=5000 * number, positive=50 * number, negative=0 * number,
+        host_s=ramp.begin_s + np.ceil(0.005 * number / 0.016) * 0.016,
+    )  # fmt: skip
+    record = read_out(replace(ramp, counts={"x": counts}), UNIT, 1.0)
+    rates_pps = np.diff(record.positive) / np.diff(record.time_s)
+    assert len(rates_pps) > 10
+    assert np.abs(rates_pps / 10_000 - 1).max() < 1e-9
 
 
 def test_up_and_down_are_one_run_and_the_gap_between_them_is_no_gate():
