@@ -29,7 +29,7 @@ pytestmark = [pytest.mark.integration, pytest.mark.slow]
 def test_items_run_one_after_the_other_and_their_events_are_streamed(tmp_path):
     with serving(tmp_path) as station:
         first, second = station.submit(speed="20"), station.submit(units={"a": "QF-0001"})
-        (waiting,) = [each for each in station.get("queue") if each["id"] == second["id"]]
+        (waiting,) = [each for each in station.get("queue") if each["item"]["id"] == second["id"]]
         assert waiting["begins"] is not None
         ended = station.ended(first)
         assert (ended["verdict"], ended["outcome"]) == ("PASS", "completed")
