@@ -185,12 +185,22 @@ class Output:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockReading:
+    """What the clock of a device showed at a time of the host's: `device_s`, which goes back to 0 at `wraps_s`."""
+
+    device_s: float
+    wraps_s: float
+    host_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Window:
     """Mean of one channel, for methods that need no more.
 
     The mean output, such as a net rate in pulse/s, over `span_s` of the clock of the counter, which is `host_span_s` of
     the host's clock. For samples both are by the host's clock. `problems` make it unusable. `single_u` and
-    `quantisation_u` are those of an Output.
+    `quantisation_u` are those of an Output. `clock` is that of the counter at its first latch, without the scatter of
+    single arrivals.
     """
 
     mean: float
@@ -199,6 +209,7 @@ class Window:
     problems: tuple[str, ...]
     single_u: float = 0.0
     quantisation_u: float = 0.0
+    clock: ClockReading | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Output, Turned, Voltages, Window
+from bench.metrology.acquisition import (
+    Acquisition,
+    Array,
+    ClockReading,
+    Codes,
+    Counts,
+    Output,
+    Turned,
+    Voltages,
+    Window,
+)
 from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates, steps_of
 from bench.metrology.sampled_codes import (
     FEWEST_CODES,
+    against_the_host,
     has_restarted,
-    host_per_device,
     mean_between,
     mean_code,
     sampled_at_s,
@@ -105,21 +115,26 @@ def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = N
     """
     counted = {channel: found for channel, found in channels.items() if isinstance(found, Counts)}
     clocks = {id(each.tick): each for each in counted.values()}  # channels of one counter share its clock
-    ratios = {clock: _host_per_device(each) for clock, each in clocks.items()}
+    compared = {clock: _compared(each) for clock, each in clocks.items()}
     rates = mean_rates(counted)
-    windows = {channel: _counted(rates[channel], ratios[id(each.tick)]) for channel, each in counted.items()}
+    windows = {channel: _counted(rates[channel], *compared[id(each.tick)]) for channel, each in counted.items()}
     sent = {channel: _sent(found, turned) for channel, found in channels.items() if isinstance(found, Codes)}
     return windows | sent
 
 
-def _host_per_device(counts: Counts) -> float:
-    """Seconds of the host's clock in one of the counter's; 1 if it shows no time."""
+def _compared(counts: Counts) -> tuple[float, ClockReading | None]:
+    """Seconds of the host's clock in one of the counter's, and its clock at the first latch; 1 if it shows no time."""
     device_s = np.concatenate(([0], np.cumsum(steps_of(counts.tick, counts.tick_bits)))) * counts.tick_period_s
-    return host_per_device(device_s, counts.host_s) if len(counts.tick) > 1 and device_s[-1] > 0 else 1.0
+    if len(counts.tick) < 2 or device_s[-1] <= 0:
+        return 1.0, None
+    host_per_counter, began_s = against_the_host(device_s, counts.host_s)
+    wraps_s = (1 << counts.tick_bits) * counts.tick_period_s
+    return host_per_counter, ClockReading(float(counts.tick[0]) * counts.tick_period_s, wraps_s, began_s)
 
 
-def _counted(rate: Rate, ratio: float) -> Window:
-    return Window(rate.net_pps, rate.span_s, ratio * rate.span_s, rate.problems, _resolution_pps(rate))
+def _counted(rate: Rate, host_per_counter: float, clock: ClockReading | None) -> Window:
+    host_span_s, resolution_pps = host_per_counter * rate.span_s, _resolution_pps(rate)
+    return Window(rate.net_pps, rate.span_s, host_span_s, rate.problems, resolution_pps, clock=clock)
 
 
 def _sent(codes: Codes, turned: Turned | None) -> Window:

@@ -81,6 +81,15 @@ def test_nor_on_latches_that_waited_while_the_computer_was_busy() -> None:
     assert window.host_span_s == pytest.approx(window.span_s, rel=1e-9)
 
 
+@pytest.mark.parametrize("still", [slice(None), slice(0, 95), slice(5, 101), slice(50, 60)])
+def test_a_clock_that_stands_still_is_told_and_compared_with_none(still: slice) -> None:
+    tick = 100_000 * np.arange(101)
+    tick[still] = tick[still][0]
+    window = windows_of({"x": counted(1000.0, tick=tick)})["x"]
+    assert window.problems
+    assert not math.isinf(window.host_span_s)
+
+
 def test_negative_pulses_count_against_positive_ones() -> None:
     assert mean_rate(counted(-11_300.0)).net_pps == pytest.approx(-11_300.0)
     both = dataclasses.replace(counted(500.0), negative=counted(-200.0).negative)

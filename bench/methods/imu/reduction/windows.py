@@ -6,7 +6,7 @@ mount, not from names in the sequence.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor i
 ALIGNED = 0.999  # cosine of the largest deviation of an axis from its direction in an attitude
 SAME_SET_POINT_C = 0.5
 LEAST_SHARE = 0.5  # minimum share of valid readings of a thermometer
+SAME_CLOCK_S, SAME_CLOCK = 0.1, 1e-3  # scatter of arrivals, and relative error of a clock, beyond which it begins anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,9 +121,10 @@ def _visit(
     number: int, group: str, acquisitions: Sequence[Acquisition], unit: UnitUnderTest, bench: BenchRecord
 ) -> Visit:
     at_rest, turning, unplaced = [], [], []
+    clocks = {channel: _host_per_counter(acquisitions, channel) for channel in map(unit.channels.get, GYROS) if channel}
     for acquisition in acquisitions:
         axes = unit_axes(acquisition, unit, bench)
-        rotation = _turning(acquisition, axes, unit, bench)
+        rotation = _turning(acquisition, axes, unit, bench, clocks)
         fits = np.einsum("kij,ij->ki", BODY_AXES, axes).min(axis=-1)
         if rotation is not None:
             turning.append(rotation)
@@ -134,22 +136,46 @@ def _visit(
     return Visit(number, path, acquisitions[0].set_c, tuple(at_rest), tuple(turning), tuple(unplaced))
 
 
-def _turning(acquisition: Acquisition, axes: Array, unit: UnitUnderTest, bench: BenchRecord) -> Turning | None:
+def _host_per_counter(acquisitions: Sequence[Acquisition], channel: str) -> float | None:
+    """Seconds of the host's clock in one of the counter's of a channel, by least squares over the windows of a visit.
+
+    A window alone is short beside the scatter of arrivals. None if the visit is not much longer than a window, or if
+    the counter has begun anew in it.
+    """
+    windows = [window for each in acquisitions if (window := each.windows.get(channel)) is not None]
+    clocks = [window.clock for window in windows if window.clock is not None and not window.problems]
+    if len(clocks) < 2:
+        return None
+    host_s, device_s = np.array([(clock.host_s, clock.device_s) for clock in clocks]).T
+    passed_s, steps_s = np.diff(host_s), np.diff(device_s)
+    steps_s += np.round((passed_s - steps_s) / clocks[0].wraps_s) * clocks[0].wraps_s
+    has_restarted = (np.abs(steps_s - passed_s) > SAME_CLOCK_S + SAME_CLOCK * passed_s).any()
+    if has_restarted or passed_s.sum() < 2 * max(window.span_s for window in windows):
+        return None
+    away_s = np.concatenate(([0.0], np.cumsum(steps_s)))
+    away_s -= away_s.mean()
+    return float(np.sum(away_s * (host_s - host_s[0])) / np.sum(away_s**2))
+
+
+def _turning(
+    acquisition: Acquisition, axes: Array, unit: UnitUnderTest, bench: BenchRecord, clocks: Mapping[str, float | None]
+) -> Turning | None:
     """Rotation of a window; None if it is at rest, or not about an axis of the unit.
 
-    The table's angles are timed by the host's clock; the rate is converted to the counter's clock. For a unit that
-    sends samples of a rate it stays by the host's clock.
+    The table's angles are timed by the host's clock; the rate is converted to the counter's clock, by `clocks` of the
+    visit or else by the window. For a unit that sends samples of a rate it stays by the host's clock.
     """
     turned = acquisition.turned
     if turned is None or turned.to_s <= turned.from_s:
         return None
     along = axes @ axis_direction(acquisition, turned.axis, bench)
     axis = int(np.argmax(np.abs(along)))
-    window = acquisition.windows.get(unit.channels[GYROS[axis]])
+    channel = unit.channels[GYROS[axis]]
+    window = acquisition.windows.get(channel)
     if abs(along[axis]) < ALIGNED or window is None:
         return None
-    host_s = window.host_span_s / window.span_s if window.span_s else np.nan
-    rate_dps = (turned.to_deg - turned.from_deg) / (turned.to_s - turned.from_s) * host_s
+    clock = clocks.get(channel) or (window.host_span_s / window.span_s if window.span_s else np.nan)
+    rate_dps = (turned.to_deg - turned.from_deg) / (turned.to_s - turned.from_s) * clock
     sign = float(np.sign(along[axis]))
     return Turning(axis, sign * turned.command_dps, sign * rate_dps, acquisition)
 

@@ -10,7 +10,7 @@ from bench.methods.imu.method import ImuCalibrationSettings
 from bench.methods.imu.reduction.attitudes import NAMES, SPECIFIC_FORCE_G, earth_rate_dps
 from bench.methods.imu.reduction.run import reduce
 from bench.methods.imu.reduction.windows import ACCELEROMETERS, GYROS, visits
-from bench.metrology.acquisition import Acquisition, Mount, Turned, Window
+from bench.metrology.acquisition import Acquisition, ClockReading, Mount, Turned, Window
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
 from bench.metrology.run_data import RunData, UnitUnderTest
 from bench.report.flag_words import flag_in_words
@@ -202,6 +202,32 @@ def test_the_clock_of_the_computer_is_in_the_scale_of_gyros_alone():
     }  # fmt: skip
     assert "counter: time base" in lines(counted["K1"])
     assert not any("computer: clock" in lines(each) for each in counted.values())
+
+
+def with_clocks(acquisitions, clock, begun_anew_at=None):
+    """Windows a minute apart, of a counter whose clock wraps after 71 min; the readings scatter by up to 16 ms."""
+    late_s, found = np.random.default_rng(2).uniform(0.0, 0.016, len(acquisitions)), []
+    for number, each in enumerate(acquisitions):
+        since_s = 60.0 * (number - (begun_anew_at or 0) if number >= (begun_anew_at or 0) else number)
+        reading = ClockReading((4000.0 + since_s / clock) % 4294.967296, 4294.967296, 60.0 * number + late_s[number])
+        windows = {name: dataclasses.replace(window, clock=reading) for name, window in each.windows.items()}
+        found.append(dataclasses.replace(each, windows=windows))
+    return found
+
+
+def test_the_clock_of_the_counter_is_compared_over_the_whole_visit():
+    """By 16 ms in a window of 10 s it would be known to 1600 ppm; the clock of the counter errs by less."""
+    acquisitions = with_clocks(block(BENCH, "s/hot", "xyz"), 1 + 80e-6)
+    (visit,) = visits(RunData("imu", (UNIT,), tuple(acquisitions), record(BENCH)), UNIT)
+    assert len(visit.turning) == 18
+    errors = [each.rate_dps / each.command_dps / (1 + 80e-6) - 1 for each in visit.turning]
+    assert np.abs(errors).max() < 5e-6
+
+
+def test_of_a_counter_that_begins_anew_each_window_counts_for_itself():
+    acquisitions = with_clocks(block(BENCH, "s/hot", "xyz"), 1 + 80e-6, begun_anew_at=20)
+    (visit,) = visits(RunData("imu", (UNIT,), tuple(acquisitions), record(BENCH)), UNIT)
+    assert {each.rate_dps / each.command_dps for each in visit.turning} == {1.0}
 
 
 def test_steps_of_codes_are_alike_with_the_axis_up_and_with_it_down():
