@@ -198,9 +198,9 @@ class Window:
     """Mean of one channel, for methods that need no more.
 
     The mean output, such as a net rate in pulse/s, over `span_s` of the clock of the counter, which is `host_span_s` of
-    the host's clock. For samples both are by the host's clock. `problems` make it unusable. `single_u` and
-    `quantisation_u` are those of an Output. `clock` is that of the counter at its first latch, without the scatter of
-    single arrivals.
+    the host's clock if the table turned; at rest it is not converted. For samples both are by the host's clock.
+    `problems` make it unusable. `single_u` and `quantisation_u` are those of an Output. `clock` is that of the counter
+    at its first latch, without the scatter of single arrivals.
     """
 
     mean: float

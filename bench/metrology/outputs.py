@@ -16,6 +16,7 @@ from bench.metrology.acquisition import (
     ClockReading,
     Codes,
     Counts,
+    Integers,
     Output,
     Turned,
     Voltages,
@@ -24,8 +25,8 @@ from bench.metrology.acquisition import (
 from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates, steps_of
 from bench.metrology.sampled_codes import (
     FEWEST_CODES,
-    against_the_host,
     has_restarted,
+    host_per_device,
     mean_between,
     mean_code,
     sampled_at_s,
@@ -41,6 +42,7 @@ NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
 NO_CODES = Codes(
     np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), 1, 1.0, 1.0, lost=0, dropped=0, invalid=0
 )
+AT_BEGIN, AT_ENDS = 301, 1500  # latches that are compared with the clock of the host
 STABLE_PART_S = 10.0  # duration of compared means (equations 3.2)
 
 
@@ -114,22 +116,44 @@ def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = N
     A common delay of the samples shifts both ends alike: whole turns remain whole.
     """
     counted = {channel: found for channel, found in channels.items() if isinstance(found, Counts)}
-    clocks = {id(each.tick): each for each in counted.values()}  # channels of one counter share its clock
-    compared = {clock: _compared(each) for clock, each in clocks.items()}
     rates = mean_rates(counted)
+    clocks = {id(each.tick): channel for channel, each in counted.items()}  # channels of one counter share its clock
+    compared = {
+        clock: _compared(counted[channel], rates[channel].span_s, has_turned=turned is not None)
+        for clock, channel in clocks.items()
+    }
     windows = {channel: _counted(rates[channel], *compared[id(each.tick)]) for channel, each in counted.items()}
     sent = {channel: _sent(found, turned) for channel, found in channels.items() if isinstance(found, Codes)}
     return windows | sent
 
 
-def _compared(counts: Counts) -> tuple[float, ClockReading | None]:
-    """Seconds of the host's clock in one of the counter's, and its clock at the first latch; 1 if it shows no time."""
-    device_s = np.concatenate(([0], np.cumsum(steps_of(counts.tick, counts.tick_bits)))) * counts.tick_period_s
-    if len(counts.tick) < 2 or device_s[-1] <= 0:
+def _compared(counts: Counts, span_s: float, *, has_turned: bool) -> tuple[float, ClockReading | None]:
+    """Seconds of the host's clock in one of the counter's, if the table has turned, and a reading of that clock.
+
+    1 and None if it shows no time. Latches at the ends suffice; all of them would take half as long as the rates.
+    """
+    if not span_s > 0:
         return 1.0, None
-    host_per_counter, began_s = against_the_host(device_s, counts.host_s)
+    first = slice(AT_BEGIN)
+    late_s = counts.host_s[first] - _since_first_s(counts, span_s, first)
+    late_s.sort()
+    began_s = float(late_s[len(late_s) // 2])
     wraps_s = (1 << counts.tick_bits) * counts.tick_period_s
-    return host_per_counter, ClockReading(float(counts.tick[0]) * counts.tick_period_s, wraps_s, began_s)
+    reading = ClockReading(float(counts.tick[0]) * counts.tick_period_s, wraps_s, began_s)
+    if not has_turned:
+        return 1.0, reading
+    number = len(counts.tick)
+    rows = slice(None) if number <= 2 * AT_ENDS else np.r_[:AT_ENDS, number - AT_ENDS : number]
+    return host_per_device(_since_first_s(counts, span_s, rows), counts.host_s[rows]), reading
+
+
+def _since_first_s(counts: Counts, span_s: float, rows: slice | Integers) -> Array:
+    """Times by the counter's clock since its first latch, of some of its latches (n,)."""
+    if span_s < (1 << counts.tick_bits) * counts.tick_period_s:
+        ticks = (counts.tick[rows] - counts.tick[0]) & ((1 << min(counts.tick_bits, 63)) - 1)
+    else:
+        ticks = np.concatenate(([0], np.cumsum(steps_of(counts.tick, counts.tick_bits))))[rows]
+    return np.asarray(ticks * counts.tick_period_s, np.float64)
 
 
 def _counted(rate: Rate, host_per_counter: float, clock: ClockReading | None) -> Window:

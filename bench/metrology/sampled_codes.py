@@ -79,23 +79,20 @@ def sampled_at_s(codes: Codes) -> Array:
 
 def on_the_host_clock(device_s: Array, host_s: Array) -> Array:
     """Times of a device's clock (n,) converted by a straight line through the arrival times (n,)."""
-    slope, _ = against_the_host(device_s, host_s)
-    return np.asarray(host_s[0] + (host_s - host_s[0]).mean() + slope * (device_s - device_s.mean()))
+    away_s = device_s - device_s.mean()
+    return np.asarray(host_s[0] + (host_s - host_s[0]).mean() + host_per_device(device_s, host_s) * away_s)
 
 
-def against_the_host(device_s: Array, host_s: Array) -> tuple[float, float]:
-    """Seconds of the host's clock in one of a device's, and its time at 0 of the device.
+def host_per_device(device_s: Array, host_s: Array) -> float:
+    """Seconds of the host's clock in one of a device's, from arrivals (n,) at its times (n,), ascending, n at least 2.
 
-    From arrivals (n,) at times (n,) of the device, ascending, n at least 2, by Tukey's resistant line: between the
-    medians of the first and of the last third. Arrivals are late by what an adapter waits for more to hand over, and
-    some by much more, while the computer is busy.
+    Tukey's resistant line: between the medians of the first and of the last third. Arrivals are late by what an adapter
+    waits for more to hand over, and some by much more, while the computer is busy. 1 if no time passes between them.
     """
     third = max(1, len(host_s) // 3)
     late_s = host_s - device_s
-    first_s, last_s = float(np.median(late_s[:third])), float(np.median(late_s[-third:]))
-    from_s, to_s = float(device_s[third // 2]), float(device_s[-(third + 1) // 2])
-    more = (last_s - first_s) / (to_s - from_s) if to_s > from_s else 0.0  # a clock that stands still is seen elsewhere
-    return 1.0 + more, first_s - more * from_s
+    passed_s, more_s = (np.median(each[-third:]) - np.median(each[:third]) for each in (device_s, late_s))
+    return float(1.0 + more_s / passed_s) if passed_s > 0 else 1.0
 
 
 def stuck(codes: Codes) -> NDArray[np.bool_]:

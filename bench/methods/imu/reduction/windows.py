@@ -139,8 +139,8 @@ def _visit(
 def _host_per_counter(acquisitions: Sequence[Acquisition], channel: str) -> float | None:
     """Seconds of the host's clock in one of the counter's of a channel, by least squares over the windows of a visit.
 
-    A window alone is short beside the scatter of arrivals. None if the visit is not much longer than a window, or if
-    the counter has begun anew in it.
+    A window alone is short beside the scatter of arrivals. None if the visit is not much longer than a window, if the
+    counter has begun anew in it, or if its clock wraps too soon to tell.
     """
     windows = [window for each in acquisitions if (window := each.windows.get(channel)) is not None]
     clocks = [window.clock for window in windows if window.clock is not None and not window.problems]
@@ -149,8 +149,9 @@ def _host_per_counter(acquisitions: Sequence[Acquisition], channel: str) -> floa
     host_s, device_s = np.array([(clock.host_s, clock.device_s) for clock in clocks]).T
     passed_s, steps_s = np.diff(host_s), np.diff(device_s)
     steps_s += np.round((passed_s - steps_s) / clocks[0].wraps_s) * clocks[0].wraps_s
-    has_restarted = (np.abs(steps_s - passed_s) > SAME_CLOCK_S + SAME_CLOCK * passed_s).any()
-    if has_restarted or passed_s.sum() < 2 * max(window.span_s for window in windows):
+    allowed_s = SAME_CLOCK_S + SAME_CLOCK * passed_s
+    is_unsure = (np.abs(steps_s - passed_s) > allowed_s).any() or 4 * allowed_s.max() > clocks[0].wraps_s
+    if is_unsure or passed_s.sum() < 2 * max(window.span_s for window in windows):
         return None
     away_s = np.concatenate(([0.0], np.cumsum(steps_s)))
     away_s -= away_s.mean()

@@ -204,12 +204,12 @@ def test_the_clock_of_the_computer_is_in_the_scale_of_gyros_alone():
     assert not any("computer: clock" in lines(each) for each in counted.values())
 
 
-def with_clocks(acquisitions, clock, begun_anew_at=None):
-    """Windows a minute apart, of a counter whose clock wraps after 71 min; the readings scatter by up to 16 ms."""
+def with_clocks(acquisitions, clock, begun_anew_at=None, wraps_s=4294.967296):
+    """Windows a minute apart, of a counter whose clock wraps, by default after 71 min; the readings scatter by up to 16 ms."""
     late_s, found = np.random.default_rng(2).uniform(0.0, 0.016, len(acquisitions)), []
     for number, each in enumerate(acquisitions):
         since_s = 60.0 * (number - (begun_anew_at or 0) if number >= (begun_anew_at or 0) else number)
-        reading = ClockReading((4000.0 + since_s / clock) % 4294.967296, 4294.967296, 60.0 * number + late_s[number])
+        reading = ClockReading((4000.0 + since_s / clock) % wraps_s, wraps_s, 60.0 * number + late_s[number])
         windows = {name: dataclasses.replace(window, clock=reading) for name, window in each.windows.items()}
         found.append(dataclasses.replace(each, windows=windows))
     return found
@@ -224,8 +224,15 @@ def test_the_clock_of_the_counter_is_compared_over_the_whole_visit():
     assert np.abs(errors).max() < 5e-6
 
 
-def test_of_a_counter_that_begins_anew_each_window_counts_for_itself():
-    acquisitions = with_clocks(block(BENCH, "s/hot", "xyz"), 1 + 80e-6, begun_anew_at=20)
+def test_a_clock_that_wraps_between_windows_is_followed():
+    acquisitions = with_clocks(block(BENCH, "s/hot", "xyz"), 1 + 80e-6, wraps_s=2**24 * 1e-6)
+    (visit,) = visits(RunData("imu", (UNIT,), tuple(acquisitions), record(BENCH)), UNIT)
+    assert np.abs([each.rate_dps / each.command_dps / (1 + 80e-6) - 1 for each in visit.turning]).max() < 5e-6
+
+
+@pytest.mark.parametrize("more", [{"begun_anew_at": 20}, {"wraps_s": 2**16 * 1e-6}])
+def test_of_a_counter_that_begins_anew_or_wraps_soon_each_window_counts_for_itself(more):
+    acquisitions = with_clocks(block(BENCH, "s/hot", "xyz"), 1 + 80e-6, **more)
     (visit,) = visits(RunData("imu", (UNIT,), tuple(acquisitions), record(BENCH)), UNIT)
     assert {each.rate_dps / each.command_dps for each in visit.turning} == {1.0}
 
