@@ -205,7 +205,7 @@ def test_the_clock_of_the_computer_is_in_the_scale_of_gyros_alone():
 
 
 def with_clocks(acquisitions, clock, begun_anew_at=None, wraps_s=4294.967296):
-    """Windows a minute apart, of a counter whose clock wraps, by default after 71 min; the readings scatter by up to 16 ms."""
+    """Windows a minute apart, of a counter whose clock wraps, by default after 71 min; readings scatter by 16 ms."""
     late_s, found = np.random.default_rng(2).uniform(0.0, 0.016, len(acquisitions)), []
     for number, each in enumerate(acquisitions):
         since_s = 60.0 * (number - (begun_anew_at or 0) if number >= (begun_anew_at or 0) else number)
