@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.app import finish
+from bench.app import finish, truth
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
@@ -133,15 +133,15 @@ def test_signals_one_after_the_other_do_not_cut_the_making_safe(tmp_path, monkey
     assert [event.data["unsafe"] for event in events(result, "made_safe")] == [{}]
 
 
-@pytest.mark.parametrize("where", ["truth_of", "calibration_files"])
-def test_a_signal_while_results_are_written_hides_nothing_and_drops_the_report(tmp_path, monkeypatch, where):
-    write = getattr(finish, where)
+@pytest.mark.parametrize(("module", "where"), [(truth, "truth_of"), (finish, "calibration_files")])
+def test_a_signal_while_results_are_written_hides_nothing_and_drops_the_report(tmp_path, monkeypatch, module, where):
+    write = getattr(module, where)
 
     def disturbed(*arguments):
         os.kill(os.getpid(), signal.SIGTERM)
         return write(*arguments)
 
-    monkeypatch.setattr(finish, where, disturbed)
+    monkeypatch.setattr(module, where, disturbed)
     result = smoke(tmp_path, Quiet(), no_report=False)
     assert (of_run(result), *ended_by(result)) == (3, "completed", "PASS", None)
     assert read_json(result, "results.json")["verdict"] == "PASS"
