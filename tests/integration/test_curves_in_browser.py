@@ -102,8 +102,8 @@ def test_an_oscillation_is_an_envelope_and_in_the_scope_each_sample(tmp_path):
         page.wait_for_selector("#plots canvas", timeout=LONG_MS)
 
         def envelope():
-            columns = page.evaluate(COLUMNS, "Angle / °")
-            return columns and max(known(columns[2]), default=0.0) - min(known(columns[1]), default=0.0)
+            _, low, high = (page.evaluate(COLUMNS, "Angle / °") or [[], [], []])[:3]  # none before the first curve
+            return max(known(high), default=0.0) - min(known(low), default=0.0)
 
         station.until(lambda: envelope() > 1.9 * AMPLITUDE_DEG, within_s=60)
         mean, low, high = page.evaluate(COLUMNS, "Angle / °")[:3]
