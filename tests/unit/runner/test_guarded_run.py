@@ -55,6 +55,7 @@ def loaded(tmp_path) -> LoadedBench:
 def memory(tmp_path, monkeypatch) -> Path:
     """What the kernel is told about the memory of the run."""
     path = tmp_path / "oom_score_adj"
+    path.write_text("0\n", "ascii")
     monkeypatch.setattr(module, "MEMORY_PRESSURE", path)
     return path
 
@@ -157,8 +158,16 @@ def test_without_a_process_for_it_too(plays, monkeypatch):
 
 
 def test_a_computer_that_does_not_let_itself_be_told_of_memory_is_used_all_the_same(plays, memory):
+    memory.unlink()
     memory.mkdir()
     assert plays(LISTENS)
+
+
+@pytest.mark.parametrize(("inherited", "raised"), [("-17", "483"), ("500", "1000"), ("800", "1000")])
+def test_a_run_is_taken_before_its_guardian_whatever_both_inherit(plays, memory, inherited, raised):
+    memory.write_text(f"{inherited}\n", "ascii")
+    assert plays(LISTENS)
+    assert memory.read_text("ascii") == raised
 
 
 def test_a_guardian_that_does_not_end_is_killed(plays, monkeypatch, tmp_path):
