@@ -50,7 +50,7 @@ from bench.store.unsafe import write_unsafe
 from bench.store.writer import RunWriter
 from drivers.values import Identity
 
-if TYPE_CHECKING:  # a run begins before reduction is loaded
+if TYPE_CHECKING:  # a run starts without loading what only its results need
     from bench.reduce.evaluate import Results
 
 HEALTHY_BLOCK_S = 60.0  # time for which frames stay with the nodes if no fault is planned

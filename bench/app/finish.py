@@ -21,7 +21,7 @@ from bench.store.runs import MANIFEST, RunDirectory
 from bench.store.seal import close_record, file_hash
 from bench.store.verify import changed_files, examine
 
-if TYPE_CHECKING:  # a run begins before reduction is loaded
+if TYPE_CHECKING:  # a run starts without loading what only its results need
     from bench.reduce.evaluate import Results
     from bench.reduce.stored_run import StoredRun
 

@@ -18,7 +18,7 @@ import scipy
 from bench.metrology.acquisition import Acquisition, Array, Mount
 from bench.metrology.bench_uncertainty import BenchRecord, Vector
 
-if TYPE_CHECKING:  # a run that begins turns axes, and has no results yet
+if TYPE_CHECKING:  # a run starts without loading what only its results need
     from bench.metrology.run_data import UnitUnderTest
 
 SOUTH = np.array([0.0, -1.0, 0.0])

@@ -22,7 +22,7 @@ from bench.metrology.acquisition import (
     Voltages,
     Window,
 )
-from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates, steps_of
+from bench.metrology.pulse_counts import LEAST_SHARE, RESOLUTION_COUNTS, Rate, mean_rate, mean_rates, since_first
 from bench.metrology.sampled_codes import (
     FEWEST_CODES,
     has_restarted,
@@ -33,7 +33,7 @@ from bench.metrology.sampled_codes import (
     stuck,
 )
 
-if TYPE_CHECKING:  # a run that begins takes means, and has no results yet
+if TYPE_CHECKING:  # a run starts without loading what only its results need
     from bench.metrology.calibration.force_terms import Sample
     from bench.metrology.run_data import RunData, UnitUnderTest
 
@@ -42,7 +42,7 @@ NO_VOLTAGES = Voltages(np.empty(0), np.empty(0))
 NO_CODES = Codes(
     np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), 1, 1.0, 1.0, lost=0, dropped=0, invalid=0
 )
-AT_BEGIN, AT_ENDS = 301, 1500  # latches that are compared with the clock of the host
+AT_BEGIN, AT_ENDS = 301, 1500  # number of latches at each place whose clock is compared with that of the host
 STABLE_PART_S = 10.0  # duration of compared means (equations 3.2)
 
 
@@ -128,32 +128,28 @@ def windows_of(channels: Mapping[str, Counts | Codes], turned: Turned | None = N
 
 
 def _compared(counts: Counts, span_s: float, *, has_turned: bool) -> tuple[float, ClockReading | None]:
-    """Seconds of the host's clock in one of the counter's, if the table has turned, and a reading of that clock.
+    """Seconds of the host's clock per second of the counter's, and a reading of the counter's clock.
 
-    1 and None if it shows no time. Latches at the ends suffice; all of them would take half as long as the rates.
+    The ratio is 1 if the table has not turned. 1 and None if the clock of the counter does not advance.
     """
     if not span_s > 0:
         return 1.0, None
     first = slice(AT_BEGIN)
-    late_s = counts.host_s[first] - _since_first_s(counts, span_s, first)
+    late_s = counts.host_s[first] - _since_first_s(counts, first)
     late_s.sort()
     began_s = float(late_s[len(late_s) // 2])
-    wraps_s = (1 << counts.tick_bits) * counts.tick_period_s
+    wraps_s, number = (1 << counts.tick_bits) * counts.tick_period_s, len(counts.tick)
     reading = ClockReading(float(counts.tick[0]) * counts.tick_period_s, wraps_s, began_s)
     if not has_turned:
         return 1.0, reading
-    number = len(counts.tick)
-    rows = slice(None) if number <= 2 * AT_ENDS else np.r_[:AT_ENDS, number - AT_ENDS : number]
-    return host_per_device(_since_first_s(counts, span_s, rows), counts.host_s[rows]), reading
+    takes_all = number <= 2 * AT_ENDS or span_s >= wraps_s  # a wrap between the two ends would not be seen
+    rows = slice(None) if takes_all else np.r_[:AT_ENDS, number - AT_ENDS : number]  # all would take half as long again
+    return host_per_device(_since_first_s(counts, rows), counts.host_s[rows]), reading
 
 
-def _since_first_s(counts: Counts, span_s: float, rows: slice | Integers) -> Array:
-    """Times by the counter's clock since its first latch, of some of its latches (n,)."""
-    if span_s < (1 << counts.tick_bits) * counts.tick_period_s:
-        ticks = (counts.tick[rows] - counts.tick[0]) & ((1 << min(counts.tick_bits, 63)) - 1)
-    else:
-        ticks = np.concatenate(([0], np.cumsum(steps_of(counts.tick, counts.tick_bits))))[rows]
-    return np.asarray(ticks * counts.tick_period_s, np.float64)
+def _since_first_s(counts: Counts, rows: slice | Integers) -> Array:
+    """Times of some latches (n,) by the counter's clock, since the first of them."""
+    return np.asarray(since_first(counts.tick[rows], counts.tick_bits) * counts.tick_period_s, np.float64)
 
 
 def _counted(rate: Rate, host_per_counter: float, clock: ClockReading | None) -> Window:

@@ -136,6 +136,15 @@ def steps_of(cumulative: Integers, bits: int) -> Integers:
     return steps
 
 
+def since_first(cumulative: Integers, bits: int, *, either_way: bool = False) -> Integers:
+    """Change of a counter that wraps since the first row; in either direction, by the shorter way."""
+    steps = steps_of(cumulative, bits)
+    if either_way:
+        half = 1 << (bits - 1)
+        steps = (steps + half) % (1 << bits) - half
+    return np.concatenate(([0], np.cumsum(steps)))[: len(cumulative)]
+
+
 def shifted_counts(counts: Counts, time_s: Array) -> tuple[Integers, Integers]:
     """Positive and negative counts with the shift of the channel applied, in whole pulses that wrap.
 

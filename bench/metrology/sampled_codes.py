@@ -84,10 +84,10 @@ def on_the_host_clock(device_s: Array, host_s: Array) -> Array:
 
 
 def host_per_device(device_s: Array, host_s: Array) -> float:
-    """Seconds of the host's clock in one of a device's, from arrivals (n,) at its times (n,), ascending, n at least 2.
+    """Seconds of the host's clock per second of a device's, from arrivals (n,) at its times (n,), ascending, n ≥ 2.
 
-    Tukey's resistant line: between the medians of the first and of the last third. Arrivals are late by what an adapter
-    waits for more to hand over, and some by much more, while the computer is busy. 1 if no time passes between them.
+    Tukey's resistant line: between the medians of the first and of the last third. Arrivals are delayed by the latency
+    timer of an adapter, and some of them by much more while the computer is busy. 1 if no time passes between them.
     """
     third = max(1, len(host_s) // 3)
     late_s = host_s - device_s

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from bench.config.models import BenchFile
 from bench.files import content_hash
 
-if TYPE_CHECKING:  # a run begins before it has results
+if TYPE_CHECKING:  # a run starts without loading what only its results need
     from bench.metrology.results.finding import UnitResult
 
 SCHEMA, DIGEST = "itb-calibration/1", "digest"

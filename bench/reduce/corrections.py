@@ -26,7 +26,7 @@ from drivers.certificates.corrections import (
     VoltageCorrections,
 )
 
-if TYPE_CHECKING:  # a simulated bench is drawn with corrections before there are results
+if TYPE_CHECKING:  # a run starts without loading what only its results need
     from bench.metrology.run_data import RunData
 
 MA_PER_A, NA_PER_MA = 1e3, 1e6

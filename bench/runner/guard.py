@@ -37,7 +37,10 @@ PROGRAM = (  # with the module search path of the run, so that files in this dir
 LOST = EndRequest("guardian", "its guardian has died; nothing would make the bench safe if this process died")
 STILL = EndRequest("guardian", "its guardian hangs; nothing would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
-TAKEN_FIRST, MOST = 500, 1000  # more than its guardian: the kernel kills the run first when memory runs out
+TAKEN_FIRST, MOST = (
+    500,
+    1000,
+)  # above its guardian: when memory runs out, the kernel kills the run first
 
 
 class GuardError(BenchError):
@@ -118,7 +121,7 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
         near.close()
         raise GuardError(f"The guardian of the run could not be started ({problem}). Nothing was energised.") from None
     with suppress(OSError):  # not permitted in some containers; it is only an improvement
-        inherited = int(MEMORY_PRESSURE.read_text("ascii"))  # by the guardian too
+        inherited = int(MEMORY_PRESSURE.read_text("ascii"))  # the value of the guardian as well
         MEMORY_PRESSURE.write_text(str(min(inherited + TAKEN_FIRST, MOST)), "ascii")
     return near, process
 

@@ -42,7 +42,7 @@ class Done(BaseModel):
 
 
 class Acknowledgement(BaseModel):
-    """What was found at the bench, and what was done."""
+    """Findings at the bench, and action taken."""
 
     reason: Line = Field(min_length=1)
 

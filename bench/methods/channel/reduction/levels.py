@@ -19,7 +19,7 @@ from bench.metrology.pulse_counts import mean_rate, shifted_counts
 from bench.metrology.run_data import RunData, UnitUnderTest
 
 LEAST_LEVEL_G = 0.1  # of an axis of an inertial unit; below it, it is level, and its channel has no input level
-SAME_CLOCK = 0.5  # of the time between two latches: tolerance between device and host, or latch numbers
+SAME_CLOCK = 0.5  # of the time between two latches: tolerance of device time against arrival times and latch numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +187,8 @@ def read_out(acquisition: Acquisition, unit: UnitUnderTest, gate_s: float) -> Ch
 def _device_s(counts: Counts) -> Array:
     """Device time of every latch (n,); after a restart of the device, continued by the host's clock.
 
-    A restart shows in latch numbers and in times of arrival. Arrivals alone may be far from the latches: several of
-    them at once behind an adapter that hands over what it has every 16 ms.
+    At a restart the device time agrees neither with the latch numbers nor with the arrival times. Arrival times alone
+    prove none: a serial adapter delivers several latches at once, every 16 ms.
     """
     if len(counts.host_s) < 2:
         return counts.host_s

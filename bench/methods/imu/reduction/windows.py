@@ -24,7 +24,7 @@ ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor i
 ALIGNED = 0.999  # cosine of the largest deviation of an axis from its direction in an attitude
 SAME_SET_POINT_C = 0.5
 LEAST_SHARE = 0.5  # minimum share of valid readings of a thermometer
-SAME_CLOCK_S, SAME_CLOCK = 0.1, 1e-3  # scatter of arrivals, and relative error of a clock, beyond which it begins anew
+SAME_CLOCK_S, SAME_CLOCK = 0.1, 1e-3  # largest difference of two clocks, absolute and relative, without a restart
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,10 +137,10 @@ def _visit(
 
 
 def _host_per_counter(acquisitions: Sequence[Acquisition], channel: str) -> float | None:
-    """Seconds of the host's clock in one of the counter's of a channel, by least squares over the windows of a visit.
+    """Seconds of the host's clock per second of the counter's, by least squares over the windows of a visit.
 
-    A window alone is short beside the scatter of arrivals. None if the visit is not much longer than a window, if the
-    counter has begun anew in it, or if its clock wraps too soon to tell.
+    A single window is too short for the scatter of arrival times. None if the visit is not much longer than a window,
+    if the counter has restarted in it, or if its clock wraps so often that a restart cannot be detected.
     """
     windows = [window for each in acquisitions if (window := each.windows.get(channel)) is not None]
     clocks = [window.clock for window in windows if window.clock is not None and not window.problems]

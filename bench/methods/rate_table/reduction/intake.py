@@ -17,7 +17,7 @@ from bench.methods.rate_table.reduction.temperatures import MeanTemperature
 from bench.methods.rate_table.reduction.turning_readings import TurningReadings
 from bench.metrology.acquisition import Acquisition, Array, Codes, Counts, Integers, Positions, Voltages
 from bench.metrology.outputs import NO_CODES, mean_output, measured
-from bench.metrology.pulse_counts import mean_rate
+from bench.metrology.pulse_counts import mean_rate, since_first
 from bench.metrology.run_data import UnitUnderTest
 from bench.metrology.sampled_codes import on_the_host_clock, sampled_at_s
 
@@ -62,9 +62,9 @@ def _counted(acquisition: Acquisition, unit: UnitUnderTest) -> TableSamples:
     )
     if len(latch) < LEAST_LATCHES and "too_few_latches" not in problems:
         problems.append("too_few_latches")
-    positive = _since_first(counts.positive[of_counts], counts.counter_bits)
-    negative = _since_first(counts.negative[of_counts], counts.counter_bits)
-    time_s = np.asarray(_since_first(counts.tick[of_counts], counts.tick_bits) * counts.tick_period_s, np.float64)
+    positive = since_first(counts.positive[of_counts], counts.counter_bits)
+    negative = since_first(counts.negative[of_counts], counts.counter_bits)
+    time_s = np.asarray(since_first(counts.tick[of_counts], counts.tick_bits) * counts.tick_period_s, np.float64)
     total = counts.shift.times * (positive - negative) + counts.shift.more * time_s
     return _samples(acquisition, unit, encoder, (latch, of_encoder, time_s), total, problems)
 
@@ -78,7 +78,7 @@ def _sent(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, pro
     problems = [*mean.problems, *problems]
     if len(latch) < LEAST_LATCHES:
         problems = list(dict.fromkeys([*problems, "too_few_codes"]))
-    time_s = np.asarray(_since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
+    time_s = np.asarray(since_first(codes.tick[of_codes], codes.tick_bits) * codes.tick_period_s, np.float64)
     total = summed_up(codes.values[of_codes], latch, time_s)
     sampled = averaged_over(_interval_s(time_s, latch)) if codes.averaged else instantaneous
     return _samples(
@@ -93,7 +93,7 @@ def _beside(acquisition: Acquisition, unit: UnitUnderTest, encoder: Positions, p
     problems = [*mean.problems, *problems]
     if motion is not None and motion.frequency_hz is not None:
         problems.append("no_common_clock")
-    clock_s = np.asarray(_since_first(encoder.tick, encoder.tick_bits) * encoder.tick_period_s, np.float64)
+    clock_s = np.asarray(since_first(encoder.tick, encoder.tick_bits) * encoder.tick_period_s, np.float64)
     at_s, values = (found.at_s, found.values_v) if isinstance(found, Voltages) else (sampled_at_s(found), found.values)
     rows, total, readings = NOTHING, np.empty(0), None
     if len(at_s) > 1 and len(clock_s) >= LEAST_LATCHES:
@@ -153,18 +153,9 @@ def _samples(
 
 def _turned_deg(encoder: Positions, rows: Integers | slice = slice(None)) -> Array:
     """Angle of the table at rows of an encoder, relative to the first."""
-    steps = _since_first(encoder.position[rows], encoder.position_bits, either_way=True)
+    steps = since_first(encoder.position[rows], encoder.position_bits, either_way=True)
     return np.asarray(steps * encoder.resolution_deg, np.float64)
 
 
 def _interval_s(time_s: Array, latch: Integers) -> float:
     return float(np.median(np.diff(time_s) / np.diff(latch))) if len(latch) > 1 else np.nan
-
-
-def _since_first(cumulative: Integers, bits: int, *, either_way: bool = False) -> Integers:
-    """Change of a counter that wraps since the first row; in either direction, by the shorter way."""
-    steps = np.diff(cumulative) % (1 << bits)
-    if either_way:
-        half = 1 << (bits - 1)
-        steps = (steps + half) % (1 << bits) - half
-    return np.concatenate(([0], np.cumsum(steps)))[: len(cumulative)]
