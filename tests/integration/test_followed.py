@@ -10,19 +10,21 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from bench.store.energised import energised
+from tests.support import guardians
 from tests.support.energised import HOT_C, SAFE, SAFE_C, Process, Wires, end_following, wires
 from tests.support.guardians import guardian_of, has_ended, has_made_safe
 from tests.support.killed import journal
 from tests.support.runs import ROOT
 
 pytestmark = pytest.mark.integration
-WITHIN_S = 30.0
+until = partial(guardians.until, within_s=30.0)
 HELD = {**SAFE, "chamber": HOT_C}
 SOAKED_C, SOAK_S, BEFORE_S = 20.4, 10.0, 1.0  # where the air is nearly, so that it is within the band at once
 SOAKED = f"""\
@@ -77,13 +79,6 @@ def holding(bench: Wires, folder: Path) -> Path:
     )
 
 
-def until(condition, what: str = "") -> None:
-    end_s = time.monotonic() + WITHIN_S
-    while not condition():
-        assert time.monotonic() < end_s, what
-        time.sleep(0.1)
-
-
 def course(run: Process) -> list[str]:
     """The events of the chamber after the run, without those of single looks."""
     assert run.path is not None
@@ -118,7 +113,7 @@ def test_a_run_ends_at_once_and_its_guardian_sees_the_air_arrive(bench, tmp_path
     assert bench.state() == {**SAFE, "chamber": 21.0}
     devices = bench_command("devices", "--bench", str(cool))
     assert devices.returncode == 0, devices.stderr
-    until(lambda: course(run)[-1:] == ["arrived"], "the air has not arrived")
+    until(lambda: course(run)[-1:] == ["arrived"], why=lambda: "the air has not arrived")
     assert course(run) == ["commanded", "arrived"]
     assert "arrived at" in bench_command("status", str(run.path)).stdout
 

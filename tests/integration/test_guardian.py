@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,14 +14,14 @@ import pytest
 
 from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
-from bench.guardian.notes import WRITTEN_WITHIN_S
+from bench.guardian.notes import SHOWN_WITHIN_S, WRITTEN_WITHIN_S
 from bench.guardian.watch import LEASE_S
 from bench.runner import guard
 from bench.runner.quiet import Quiet
 from bench.runner.tell import send_command
 from bench.store.reader import RunReader
 from tests.support.energised import SAFE, SEQUENCE, Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended, has_made_safe
+from tests.support.guardians import guardian_of, has_ended, has_made_safe, until
 
 pytestmark = pytest.mark.integration
 WITHIN_S = 8.0
@@ -48,10 +47,7 @@ def running(bench: Wires, folder: Path, step: str = "steps/wait") -> tuple[Proce
 
 def rescued(run: Process, guardian: int, within_s: float) -> list[dict]:
     """The incident of a run that was killed, once its guardian has made the bench safe."""
-    end_s = time.monotonic() + within_s
-    while not (has_made_safe(run.path) or has_ended(guardian)):
-        assert time.monotonic() < end_s, run.told.read_text("utf-8")
-        time.sleep(0.05)
+    until(lambda: has_made_safe(run.path) or has_ended(guardian), within_s, lambda: run.told.read_text("utf-8"))
     assert run.path is not None
     return [json.loads(line) for line in (run.path / "incident.jsonl").read_text("utf-8").splitlines()]
 
@@ -69,8 +65,8 @@ def test_a_run_that_is_killed_leaves_a_safe_bench(bench, tmp_path, state, step):
         ("chamber", "head", "supply", "source"), "safe"
     )
     assert incident[-1] | {"event": "ends", "unsafe": {}} == incident[-1]
-    assert "the bench is safe" in run.told.read_text("utf-8")
-    assert list((state / "energised").iterdir()) == []
+    until(lambda: "the bench is safe" in run.told.read_text("utf-8"), SHOWN_WITHIN_S)
+    until(lambda: not list((state / "energised").iterdir()), WRITTEN_WITHIN_S)
     assert (state / "incident.jsonl").read_text("utf-8").count("\n") == len(incident)
 
 
@@ -122,10 +118,7 @@ def test_a_terminal_that_nobody_reads_holds_no_rescue_up(bench, tmp_path):
     guardian = guardian_of(run.process.pid)
     run.process.kill()
     run.process.wait(5)
-    end_s = time.monotonic() + WITHIN_S
-    while not (has_made_safe(run.path) or has_ended(guardian)):
-        assert time.monotonic() < end_s + WRITTEN_WITHIN_S
-        time.sleep(0.1)
+    until(lambda: has_made_safe(run.path) or has_ended(guardian), WITHIN_S + WRITTEN_WITHIN_S)
     assert bench.state() == SAFE
     os.close(reads)
     os.close(writes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 import pytest
 
@@ -11,20 +10,12 @@ from bench.runner.tell import send_command
 from bench.store.latch import latch
 from bench.store.runs import summary
 from tests.support.energised import SAFE, Process, wires
-from tests.support.guardians import guardian_of, has_ended, has_made_safe
+from tests.support.guardians import guardian_of, has_ended, has_made_safe, until
 from tests.support.runs import ROOT
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow]
 WITHIN_S = 20.0
 ON = {"set": "supply", "voltage": "15 V", "current_limit": "120 mA", "output": "on"}
-
-
-def until(holds, within_s=WITHIN_S):
-    """Wait until something holds."""
-    end_s = time.monotonic() + within_s
-    while not holds():
-        assert time.monotonic() < end_s
-        time.sleep(0.05)
 
 
 def test_a_killed_session_leaves_a_safe_bench_and_it_is_on_record(tmp_path, monkeypatch):
@@ -36,10 +27,10 @@ def test_a_killed_session_leaves_a_safe_bench_and_it_is_on_record(tmp_path, monk
         path, guardian = session.path, guardian_of(session.process.pid)
         assert path is not None
         assert send_command(path, "order", order=json.dumps(ON), by="anna") == "steps/order=1"
-        until(lambda: bench.state_of("supply") is True)
+        until(lambda: bench.state_of("supply") is True, WITHIN_S)
         session.process.kill()
         session.process.wait(5)
-        until(lambda: has_made_safe(path) or has_ended(guardian))
+        until(lambda: has_made_safe(path) or has_ended(guardian), WITHIN_S)
         assert bench.state() == SAFE
         found = latch(summary(path))
         assert found is not None

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import pytest
 from bench.store.energised import energised
 from bench.store.verify import examine
 from tests.support.energised import SAFE, Process, Wires, wires
-from tests.support.guardians import guardian_of, has_ended, has_made_safe
+from tests.support.guardians import guardian_of, has_ended, has_made_safe, until
 from tests.support.killed import ended, journal
 from tests.support.runs import ROOT
 
@@ -42,10 +41,7 @@ def killed(bench: Wires, folder: Path, step: str = "steps/wait") -> Process:
     guardian = guardian_of(run.process.pid)
     run.process.kill()
     run.process.wait(5)
-    end_s = time.monotonic() + SAFE_WITHIN_S
-    while not (has_made_safe(run.path) or has_ended(guardian)):
-        assert time.monotonic() < end_s, run.told.read_text("utf-8")
-        time.sleep(0.05)
+    until(lambda: has_made_safe(run.path) or has_ended(guardian), SAFE_WITHIN_S, lambda: run.told.read_text("utf-8"))
     return run
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -21,9 +23,19 @@ def stop(process: int) -> None:
     os.waitpid(process, os.WUNTRACED)
 
 
+def until(holds: Callable[[], object], within_s: float, why: Callable[[], str] = str) -> None:
+    """Wait until a condition is true; fails after `within_s`, with the text of `why`."""
+    end_s = time.monotonic() + within_s
+    while not holds():
+        assert time.monotonic() < end_s, why()
+        time.sleep(0.05)
+
+
 def has_made_safe(run: Path | None) -> bool:
-    """Return whether the guardian of a run that was lost is through with making its bench safe; it may follow a
-    chamber."""
+    """Return whether the record of a lost run says that its guardian is through with the lanes.
+
+    The records of the machine follow that of the run, and chambers may be followed afterwards.
+    """
     with contextlib.suppress(OSError):
         return run is not None and '"event": "ends"' in (run / "incident.jsonl").read_text("utf-8")
     return False
