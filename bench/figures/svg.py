@@ -35,6 +35,7 @@ STYLE: dict[Any, Any] = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.labelsize": 8,
+    "axes.titley": 1.0,  # where it is anyway; otherwise searched for among ticks, at a tenth of the time of a figure
     "axes.linewidth": 0.6,
     "axes.edgecolor": "#444444",
     "axes.grid": True,

@@ -13,7 +13,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from bench.metrology.acquisition import Acquisition, Array, Mount
 from bench.metrology.bench_uncertainty import BenchRecord, Vector
@@ -49,10 +48,25 @@ def _turned_axes(
     turns: tuple[tuple[Vector, float], ...], x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float],
     level_deg: float,
 ) -> Array:  # fmt: skip
-    turned = scipy.spatial.transform.Rotation.from_rotvec(math.radians(level_deg) * SOUTH)
+    turned = rotation(SOUTH, math.radians(level_deg))
     for points, angle_deg in turns:
-        turned *= scipy.spatial.transform.Rotation.from_rotvec(math.radians(angle_deg) * np.array(points))
-    return np.asarray(_unit_at_zero(x, z, mount, own_deg) @ turned.as_matrix().T)
+        turned = turned @ rotation(points, math.radians(angle_deg))
+    return np.asarray(_unit_at_zero(x, z, mount, own_deg) @ turned.T)
+
+
+def rotation(axis: Vector | Array, angle_rad: float) -> Array:
+    """Matrix (3, 3) that rotates a vector about a unit vector by an angle.
+
+    Rodrigues' formula: https://mathworld.wolfram.com/RodriguesRotationFormula.html.
+    """
+    cross = cross_matrix(axis)  # scipy.spatial imports many modules, which no run and few reports need otherwise
+    return np.asarray(np.eye(3) + math.sin(angle_rad) * cross + (1 - math.cos(angle_rad)) * (cross @ cross))
+
+
+def cross_matrix(vector: Vector | Array) -> Array:
+    """Matrix (3, 3) of the product vector × r for any r."""
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def specific_force_g(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord) -> Array:
@@ -90,14 +104,14 @@ def is_clocked(acquisition: Acquisition, unit: UnitUnderTest, bench: BenchRecord
 def _unit_at_zero(x: Vector, z: Vector, mount: Mount, own_deg: tuple[float, float]) -> Array:
     """Axes of a unit in a level fixture at angles of 0: raised by the mount, rolled, clocked, then raised, clocked."""
     raised_deg, clocked_deg = own_deg
-    steps = [
-        ("y", mount.angle_deg), ("x", mount.roll_deg), ("z", mount.clock_deg), ("y", raised_deg), ("z", clocked_deg),
-    ]  # fmt: skip
-    rotation = scipy.spatial.transform.Rotation
-    turned = rotation.identity()
-    for axis, angle_deg in steps:
-        turned *= rotation.from_euler(axis, -angle_deg if axis == "y" else angle_deg, degrees=True)
-    return np.asarray(turned.as_matrix().T @ np.stack([x, np.cross(z, x), z]))
+    along_x, against_y, along_z = (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)
+    turned = np.eye(3)
+    for axis, angle_deg in (
+        (against_y, mount.angle_deg), (along_x, mount.roll_deg), (along_z, mount.clock_deg),
+        (against_y, raised_deg), (along_z, clocked_deg),
+    ):  # fmt: skip
+        turned = turned @ rotation(axis, math.radians(angle_deg))
+    return np.asarray(turned.T @ np.stack([x, np.cross(z, x), z]))
 
 
 def by_harmonics(turned: Array, head_rad: Array, u_deg: Sequence[float]) -> Array:

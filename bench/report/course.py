@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import cycle
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from bench.figures.languages import tr
@@ -22,6 +23,7 @@ BINS = 1000  # over the width of the page; more cannot be distinguished
 CHARACTER = 0.0095  # width of a character of a name, relative to that of the strip
 MOST_INSIDE = 0.6  # half a name stays within this share of the strip; the margin has room for the rest
 FIRST_WIDE = "\u2e80"  # Chinese characters are twice as wide as others
+TICK = (0.0, 0.028, np.nan)  # of an acquisition: from the lower edge, relative to the height
 INCIDENTS = ("fault", "problem", "operator", "end_requested")
 PHASES = {"steps": "#dbeafe", "": "white"}  # "" is the time after making safe; others are grey
 CHAMBER: dict[str, tuple[str, dict[str, Any]]] = {
@@ -153,7 +155,8 @@ def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
         begin, end = ((at_s - course.began_s) / unit_s for at_s in (dwell.begin_s, dwell.end_s))
         axes.axvspan(begin, end, color="#93c5fd", alpha=0.5, linewidth=0.3)
     ticks = [((each.begin_s + each.end_s) / 2 - course.began_s) / unit_s for each in course.acquisitions]
-    axes.plot(ticks, [0.015] * len(ticks), "|", color="#333333", markersize=5, transform=axes.get_xaxis_transform())
+    one_line = np.repeat(ticks, len(TICK)), np.tile(TICK, len(ticks))  # hundreds of markers would be as many elements
+    axes.plot(*one_line, color="#333333", linewidth=1, transform=axes.get_xaxis_transform())
     if course.incident_s is not None:
         at = (course.incident_s - course.began_s) / unit_s
         axes.axvline(at, color="#b42318", linestyle=":", label=tr("the run deviated from its plan"))

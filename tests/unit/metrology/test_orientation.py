@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bench.metrology.acquisition import Acquisition, Mount
 from bench.metrology.bench_uncertainty import AxisRecord, BenchRecord
-from bench.metrology.orientation import elevation_rad, is_clocked, specific_force_g, unit_axes
+from bench.metrology.orientation import elevation_rad, is_clocked, rotation, specific_force_g, unit_axes
 from bench.metrology.run_data import UnitUnderTest
 from simulators.physics import attitude
 from simulators.physics.attitude import EAST, NORTH, SOUTH, UP, Fixture, to_unit
@@ -44,6 +45,13 @@ def in_the_world(axes, x, z, angles_deg, mount, own_deg, level_deg=0.0):
 def test_the_bench_knows_how_a_unit_lies_in_the_world(angles_deg, mount):
     how = (THREE_AXES, NORTH, UP, angles_deg, mount, 0.7, 0.01)
     assert unit_axes(*lying(*how)) == pytest.approx(in_the_world(*how), abs=1e-12)
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 1e-9, 0.3, -np.pi / 2, np.pi, 7.0])
+@pytest.mark.parametrize("axis", [UP, SOUTH, (0.6, 0.0, -0.8), (1 / 3, -2 / 3, 2 / 3)])
+def test_a_rotation_is_that_of_a_library(axis, angle_rad):
+    library = Rotation.from_rotvec(angle_rad * np.array(axis)).as_matrix()
+    assert rotation(axis, angle_rad) == pytest.approx(library, rel=0, abs=1e-15)
 
 
 @pytest.mark.parametrize(("sense", "offset_deg"), [(1, 0.0), (-1, 0.0), (-1, 90.0), (1, -90.0)])

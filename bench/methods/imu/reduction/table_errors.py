@@ -7,7 +7,6 @@ level, and not aligned to north. A rotation r changes a level vector v, as seen 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -18,7 +17,7 @@ import numpy as np
 
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.orientation import unit_axes
+from bench.metrology.orientation import cross_matrix, rotation, unit_axes
 from bench.metrology.results.budget import BudgetLine, common
 from bench.metrology.run_data import UnitUnderTest
 
@@ -62,7 +61,7 @@ class ErrorSource:
 
     def seen(self, axes: Array, vector: Array) -> Array:
         """Change of a level vector along the rows of `axes` (n, 3, 3), for 1 rad: (n, 3)."""
-        return np.asarray(np.einsum("nij,nj->ni", axes, self.turns @ _crossing(vector).T))
+        return np.asarray(np.einsum("nij,nj->ni", axes, self.turns @ cross_matrix(vector).T))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +127,7 @@ def _rotations(acquisition: Acquisition, bench: BenchRecord) -> Iterator[tuple[C
         angle_rad = np.radians(acquisition.angles_deg.get(role, 0.0))
         points = np.array(axis.points)
         now = carried @ points
-        own = _turn(points, float(angle_rad))
+        own = rotation(points, float(angle_rad))
         yield Cause(role, Kind.ZERO), np.radians(axis.zero_u_deg), now
         for order, u_deg in enumerate(axis.harmonics_u_deg, start=1):
             yield Cause(role, Kind.HARMONICS), np.radians(u_deg), now * np.cos(order * angle_rad)
@@ -148,15 +147,3 @@ def _square_to(axis: tuple[float, float, float]) -> tuple[Array, Array]:
     least = np.eye(3)[int(np.argmin(np.abs(axis)))]
     first = np.cross(axis, least) / np.linalg.norm(np.cross(axis, least))
     return np.cross(first, axis), first
-
-
-def _turn(axis: Array, angle_rad: float) -> Array:
-    """Rotation matrix (3, 3) about a unit vector (Rodrigues)."""
-    cross = _crossing(axis)
-    return np.asarray(np.eye(3) + math.sin(angle_rad) * cross + (1 - math.cos(angle_rad)) * (cross @ cross))
-
-
-def _crossing(vector: Array) -> Array:
-    """Matrix (3, 3) of the product vector × r for any r."""
-    x, y, z = vector
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

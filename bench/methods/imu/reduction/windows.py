@@ -6,18 +6,18 @@ mount, not from names in the sequence.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bench.methods.imu.reduction.attitudes import BLOCK, BODY_AXES
 from bench.methods.imu.reduction.records import ImuReadings, PositionRecord, RateRecord, arranged_at
 from bench.metrology.acquisition import Acquisition, Array
 from bench.metrology.bench_uncertainty import BenchRecord
-from bench.metrology.orientation import unit_axes
+from bench.metrology.orientation import rotation, unit_axes
 from bench.metrology.run_data import AXES, RunData, UnitUnderTest
 
 ACCELEROMETERS, GYROS = (tuple(f"{sensor}_{axis}" for axis in AXES) for sensor in ("acc", "gyro"))
@@ -183,12 +183,11 @@ def _turning(
 
 def axis_direction(acquisition: Acquisition, role: str, bench: BenchRecord) -> Array:
     """Direction of the positive end of a table axis in the level frame, as carried by the outer axes, (3,)."""
-    turned = Rotation.identity()
+    turned = np.eye(3)
     for name, axis in bench.axes.items():
-        points = np.array(axis.points)
         if name == role:
-            return np.asarray(turned.apply(points))
-        turned *= Rotation.from_rotvec(np.radians(acquisition.angles_deg.get(name, 0.0)) * points)
+            return turned @ axis.points
+        turned = turned @ rotation(axis.points, math.radians(acquisition.angles_deg.get(name, 0.0)))
     return np.zeros(3)
 
 
