@@ -10,8 +10,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -37,10 +37,7 @@ PROGRAM = (  # with the module search path of the run, so that files in this dir
 LOST = EndRequest("guardian", "its guardian has died; nothing would make the bench safe if this process died")
 STILL = EndRequest("guardian", "its guardian hangs; nothing would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
-TAKEN_FIRST, MOST = (
-    500,
-    1000,
-)  # above its guardian: when memory runs out, the kernel kills the run first
+ABOVE, MOST = 500, 1000  # difference of a run from its guardian, and the highest value
 
 
 class GuardError(BenchError):
@@ -82,7 +79,8 @@ async def guarded(loaded: LoadedBench, run: Path, signals: Signals, writer: RunW
         guard.pulse.guardian = GUARDIAN_OK
         beating = asyncio.create_task(_send_heartbeats(link, process.pid, signals, guard, writer), name="guardian")
         try:
-            yield guard
+            with _killed_before_its_guardian():
+                yield guard
         finally:
             beating.cancel()
     except Exception:
@@ -120,10 +118,22 @@ def _start(loaded: LoadedBench, run: Path) -> tuple[socket.socket, subprocess.Po
     except OSError as problem:
         near.close()
         raise GuardError(f"The guardian of the run could not be started ({problem}). Nothing was energised.") from None
-    with suppress(OSError):  # not permitted in some containers; it is only an improvement
-        inherited = int(MEMORY_PRESSURE.read_text("ascii"))  # the value of the guardian as well
-        MEMORY_PRESSURE.write_text(str(min(inherited + TAKEN_FIRST, MOST)), "ascii")
     return near, process
+
+
+@contextmanager
+def _killed_before_its_guardian() -> Iterator[None]:
+    """Let the kernel choose this process before its guardian, which has the same value, when memory runs out."""
+    inherited = None
+    with suppress(OSError, ValueError):  # not permitted in some containers; it is only an improvement
+        inherited = int(MEMORY_PRESSURE.read_text("ascii"))
+        MEMORY_PRESSURE.write_text(str(min(inherited + ABOVE, MOST)), "ascii")
+    try:
+        yield
+    finally:
+        if inherited is not None:
+            with suppress(OSError):
+                MEMORY_PRESSURE.write_text(str(inherited), "ascii")
 
 
 async def _send_heartbeats(

@@ -95,7 +95,7 @@ def test_a_guardian_is_not_ended_by_signals_and_ends_with_its_run(bench, tmp_pat
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGQUIT):
         os.kill(guardian, number)
     assert os.getsid(guardian) == guardian
-    own, of_guardian, of_run = (  # 500 here if a run before was in this process
+    own, of_guardian, of_run = (
         int(Path(f"/proc/{each}/oom_score_adj").read_text("ascii")) for each in ("self", guardian, run.process.pid)
     )
     assert (of_guardian, of_run) == (own, own + 500)

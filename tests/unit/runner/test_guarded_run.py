@@ -81,7 +81,7 @@ def plays(loaded, tmp_path, memory, monkeypatch):
     return play
 
 
-def test_a_guardian_is_told_of_its_run_and_gets_beats_and_the_end(plays, loaded, tmp_path, memory):
+def test_a_guardian_is_told_of_its_run_and_gets_beats_and_the_end(plays, loaded, tmp_path):
     guards: list[Guard] = []
 
     def block(guard: Guard) -> None:
@@ -97,7 +97,6 @@ def test_a_guardian_is_told_of_its_run_and_gets_beats_and_the_end(plays, loaded,
         str(os.getpid()), str(tmp_path), str(loaded.document.path), hashlib.sha256(text.encode()).hexdigest(),
     ]  # fmt: skip
     assert (is_leader, stdin, stdout) == (True, "/dev/null", "/dev/null")
-    assert memory.read_text("ascii") == "500"
     assert json.loads(messages[-1].removeprefix("over ")) == {"safe": ["supply"], "held": ["chamber"]}
     beats = [json.loads(each.removeprefix("beat ")) for each in messages[:-1]]
     assert [each["turns"] for each in beats] == list(range(len(beats)))
@@ -166,8 +165,9 @@ def test_a_computer_that_does_not_let_itself_be_told_of_memory_is_used_all_the_s
 @pytest.mark.parametrize(("inherited", "raised"), [("-17", "483"), ("500", "1000"), ("800", "1000")])
 def test_a_run_is_taken_before_its_guardian_whatever_both_inherit(plays, memory, inherited, raised):
     memory.write_text(f"{inherited}\n", "ascii")
-    assert plays(LISTENS)
-    assert memory.read_text("ascii") == raised
+    during: list[str] = []
+    assert plays(LISTENS, lambda _guard: during.append(memory.read_text("ascii")))
+    assert (during, memory.read_text("ascii")) == ([raised], inherited)
 
 
 def test_a_guardian_that_does_not_end_is_killed(plays, monkeypatch, tmp_path):
@@ -237,6 +237,7 @@ def test_a_trial_starts_a_guardian_and_dismisses_it(loaded, tmp_path, memory, mo
     assert 0.0 < try_guardian(loaded, tmp_path) < 20.0
     *_, last = json.loads((tmp_path / "found.json").read_text("utf-8"))
     assert json.loads(last.removeprefix("over ")) == {"safe": [], "held": []}
+    assert memory.read_text("ascii") == "0\n"  # nothing was energised
 
 
 def test_what_a_run_leaves_is_told_to_its_guardian():
