@@ -61,6 +61,19 @@ def test_a_pdf_has_a4_pages_each_with_what_it_is_of_and_its_number(run):
         "time since the run",
     ):
         assert words in everything
+    assert list(alternative_texts(pypdf.PdfReader(path).trailer["/Root"]["/StructTreeRoot"])) == ["Course of the run"]
+
+
+def alternative_texts(tag):
+    """Texts that a screen reader says for the figures in a part of the tree of tags."""
+    part = tag.get_object()
+    if isinstance(part, list):
+        for each in part:
+            yield from alternative_texts(each)
+    elif isinstance(part, dict):
+        if part.get("/S") == "/Figure":
+            yield part.get("/Alt")
+        yield from alternative_texts(part.get("/K", pypdf.generic.NullObject()))
 
 
 @pytest.mark.peer("pango")
