@@ -54,6 +54,7 @@ STYLE: dict[Any, Any] = {
 }
 _NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
+_NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")  # a document with one of them is not read at all
 _IDS = re.compile(r'( id="| href="#|url\(#)')
 
 
@@ -102,7 +103,7 @@ def as_document(figure: Figure) -> str:
     """The figure as a separate document."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
-    return buffer.getvalue()
+    return _NOT_XML.sub("\ufffd", buffer.getvalue())
 
 
 def rendered(figure: Figure, name: str, description: str) -> Markup:

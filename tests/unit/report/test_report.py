@@ -7,6 +7,7 @@ import shutil
 import sqlite3
 from contextlib import closing
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from bench.app.execute import execute
 from bench.app.request import RunRequest, prepare
 from bench.cli.exits import of_run
 from bench.figures.sheet import Sheet
-from bench.figures.svg import new_figure
+from bench.figures.svg import as_document, drawing, new_figure
 from bench.figures.words import where
 from bench.metrology.results.flag import Flag
 from bench.reduce.journal import Measurement
@@ -479,6 +480,14 @@ def test_names_at_the_ends_of_a_run_stay_in_the_picture():
     at = [text.get_position()[0] for text in strip.texts]
     assert at[0] == pytest.approx(1000 - at[1])
     assert 15 < at[0] < 50
+
+
+def test_a_figure_is_a_document_whatever_its_texts():
+    figure = new_figure(1.0)
+    figure.text(0.5, 0.5, "a\x0b<b>&")
+    with pytest.warns(UserWarning, match="Glyph 11 .* missing"), drawing():
+        (text,) = ElementTree.fromstring(as_document(figure)).iter("{http://www.w3.org/2000/svg}text")
+    assert "".join(text.itertext()) == "a\ufffd<b>&"
 
 
 def written(*spans):
