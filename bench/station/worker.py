@@ -102,8 +102,11 @@ class Workers:
         """End the processes at once; the next call starts new ones."""
         if self._pool is None:
             return
-        processes = list((self._pool._processes or {}).values())  # noqa: SLF001  the pool has no way to kill them
+        pool, self._pool = self._pool, None
+        processes = list((pool._processes or {}).values())  # noqa: SLF001  the pool has no way to kill them
         for each in processes:
             each.kill()
-        self._pool.shutdown(cancel_futures=True)
-        self._pool = None
+        # One that was killed while it sent its result leaves a part of it, of which the pool would await the rest for
+        # ever if its own end of the pipe stayed open.
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]  # noqa: SLF001  nor a way to end that
+        pool.shutdown(cancel_futures=True)
