@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # not allowed, even escaped
+from bench.xml_text import xml_text
 
 
 class Problem(NamedTuple):
@@ -45,16 +44,12 @@ def junit(title: str, cases: Sequence[Case]) -> str:
 
 
 def _add(suite: Element, case: Case) -> None:
-    names = {"classname": _plain(case.group), "name": _plain(case.name), "time": f"{case.wall_s:.3f}"}
+    names = {"classname": xml_text(case.group), "name": xml_text(case.name), "time": f"{case.wall_s:.3f}"}
     element = SubElement(suite, "testcase", names)
     if case.problem is not None:
         first, more = case.problem.lines[0], len(case.problem.lines) - 1
-        message = _plain(f"{first} (and {more} more)" if more else first)
+        message = xml_text(f"{first} (and {more} more)" if more else first)
         reason = SubElement(element, case.problem.how, {"type": case.problem.type, "message": message})
-        reason.text = _plain("\n".join(case.problem.lines))
+        reason.text = xml_text("\n".join(case.problem.lines))
     if case.output:
-        SubElement(element, "system-out").text = _plain("\n".join(case.output))
-
-
-def _plain(text: str) -> str:
-    return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+        SubElement(element, "system-out").text = xml_text("\n".join(case.output))

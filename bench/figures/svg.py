@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import re
+from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -17,6 +18,7 @@ from matplotlib import font_manager
 from matplotlib.figure import Figure
 
 from bench.figures.languages import ENGLISH, current, language
+from bench.xml_text import xml_text
 
 # First letters of the files of fonts that have the characters of a language, the best first.
 FONTS = {"zh": ("notosanscjk", "sourcehansans", "wqy-", "droidsansfallback", "msyh", "simhei", "simsun")}
@@ -35,7 +37,7 @@ STYLE: dict[Any, Any] = {
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
     "axes.labelsize": 8,
-    "axes.titley": 1.0,  # where it is anyway; otherwise searched for among ticks, at a tenth of the time of a figure
+    "axes.titley": 1.0,  # the default position; None would measure all ticks, a tenth of the time of a figure
     "axes.linewidth": 0.6,
     "axes.edgecolor": "#444444",
     "axes.grid": True,
@@ -54,7 +56,7 @@ STYLE: dict[Any, Any] = {
 }
 _NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
-_NOT_XML = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")  # a document with one of them is not read at all
+_FIGURE = re.compile(r'<svg role="img" aria-label="(?P<what>[^"]*)".*?</svg>', re.DOTALL)  # as `rendered` writes it
 _IDS = re.compile(r'( id="| href="#|url\(#)')
 
 
@@ -103,7 +105,7 @@ def as_document(figure: Figure) -> str:
     """The figure as a separate document."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
-    return _NOT_XML.sub("\ufffd", buffer.getvalue())
+    return xml_text(buffer.getvalue())
 
 
 def rendered(figure: Figure, name: str, description: str) -> Markup:
@@ -113,3 +115,16 @@ def rendered(figure: Figure, name: str, description: str) -> Markup:
     attributes = _SIZE_AND_NAMESPACES.sub("", opening)
     svg = f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}'
     return Markup(svg)  # noqa: S704  matplotlib escapes the text in a figure
+
+
+def as_images(page: str) -> str:
+    """The page with its `<svg>` elements replaced by images, each with its description as alternative text.
+
+    For PDF: WeasyPrint tags an `<svg>` element without a description, and computes styles for each element in it.
+    """
+    return _FIGURE.sub(_as_image, page)
+
+
+def _as_image(figure: re.Match[str]) -> str:
+    svg = figure[0].replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+    return f'<img alt="{figure["what"]}" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'

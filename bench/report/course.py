@@ -155,7 +155,7 @@ def _draw_measuring(axes: Axes, course: Course, unit_s: float) -> None:
         begin, end = ((at_s - course.began_s) / unit_s for at_s in (dwell.begin_s, dwell.end_s))
         axes.axvspan(begin, end, color="#93c5fd", alpha=0.5, linewidth=0.3)
     ticks = [((each.begin_s + each.end_s) / 2 - course.began_s) / unit_s for each in course.acquisitions]
-    one_line = np.repeat(ticks, len(TICK)), np.tile(TICK, len(ticks))  # hundreds of markers would be as many elements
+    one_line = np.repeat(ticks, len(TICK)), np.tile(TICK, len(ticks))  # markers would be an element each
     axes.plot(*one_line, color="#333333", linewidth=1, transform=axes.get_xaxis_transform())
     if course.incident_s is not None:
         at = (course.incident_s - course.began_s) / unit_s

@@ -6,8 +6,6 @@ import csv
 import gc
 import io
 import os
-import re
-from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import Any
 
 from bench.errors import BenchError, InputError
 from bench.figures.languages import ENGLISH, language
+from bench.figures.svg import as_images
 from bench.files import atomic_file, write_atomically
 from bench.metrology.results.coverage import COVERAGE
 from bench.optional import imported
@@ -29,7 +28,6 @@ from bench.report.revision import replacing, revision_of, writing
 from bench.store.runs import MANIFEST, json_text
 
 REPORT = "report"
-_FIGURE = re.compile(r'<svg role="img" aria-label="(?P<what>[^"]*)".*?</svg>', re.DOTALL)
 NEW_OBJECTS = 5000  # between two collections of garbage while a report is written; 700 in Python
 COLUMNS = (
     "id", "uut", "quantity", "name", "at", "value", "unit", "u", "k", "dof", "min", "max", "guard", "u_max", "verdict",
@@ -143,18 +141,9 @@ def library() -> ModuleType:
 def pdf(page: str) -> bytes:
     """PDF of the page, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
     os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # otherwise its embedded fonts contain their time of writing
-    html = library().HTML(string=_FIGURE.sub(_image, page))
+    html = library().HTML(string=as_images(page))
     content: bytes = html.write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
     return content
-
-
-def _image(figure: re.Match[str]) -> str:
-    """A figure as an image with an alternative text, which an `<svg>` element in a PDF does not have.
-
-    It is also faster: no styles of the page are matched with the elements of the figure.
-    """
-    svg = figure[0].replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
-    return f'<img alt="{figure["what"]}" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'
 
 
 def spreadsheet(results: Results) -> str:

@@ -37,7 +37,7 @@ PROGRAM = (  # with the module search path of the run, so that files in this dir
 LOST = EndRequest("guardian", "its guardian has died; nothing would make the bench safe if this process died")
 STILL = EndRequest("guardian", "its guardian hangs; nothing would make the bench safe if this process died")
 MEMORY_PRESSURE = Path("/proc/self/oom_score_adj")
-ABOVE, MOST = 500, 1000  # difference of a run from its guardian, and the highest value
+ABOVE, MOST = 500, 1000  # added to the value that the guardian has; the maximum of the kernel
 
 
 class GuardError(BenchError):

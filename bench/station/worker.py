@@ -106,7 +106,7 @@ class Workers:
         processes = list((pool._processes or {}).values())  # noqa: SLF001  the pool has no way to kill them
         for each in processes:
             each.kill()
-        # One that was killed while it sent its result leaves a part of it, of which the pool would await the rest for
-        # ever if its own end of the pipe stayed open.
-        pool._result_queue._writer.close()  # type: ignore[attr-defined]  # noqa: SLF001  nor a way to end that
+        # A process killed while sending leaves half a message in the pipe of results. Reading it blocks until all write
+        # ends of the pipe are closed, and the pool keeps one open.
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]  # noqa: SLF001  it has no public name
         pool.shutdown(cancel_futures=True)

@@ -32,9 +32,9 @@ def until(holds: Callable[[], object], within_s: float, why: Callable[[], str] =
 
 
 def has_made_safe(run: Path | None) -> bool:
-    """Return whether the record of a lost run says that its guardian is through with the lanes.
+    """Return whether the guardian of a lost run has recorded, in the directory of the run, the end of its rescue.
 
-    The records of the machine follow that of the run, and chambers may be followed afterwards.
+    It may still have to write the records of the machine, and to supervise chambers.
     """
     with contextlib.suppress(OSError):
         return run is not None and '"event": "ends"' in (run / "incident.jsonl").read_text("utf-8")

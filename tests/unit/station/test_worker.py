@@ -13,7 +13,7 @@ from tests.support import worker_processes  # noqa: F401  its tracker is to be t
 
 
 def half_of_a_result():
-    """Return a result that its process sends the beginning of."""
+    """Return a result of which only the first 5 bytes are sent."""
 
     def send(connection: Connection, message: bytes) -> None:
         os.write(connection.fileno(), bytes(message)[:5])

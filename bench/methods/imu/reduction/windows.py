@@ -124,10 +124,10 @@ def _visit(
     clocks = {channel: _host_per_counter(acquisitions, channel) for channel in map(unit.channels.get, GYROS) if channel}
     for acquisition in acquisitions:
         axes = unit_axes(acquisition, unit, bench)
-        rotation = _turning(acquisition, axes, unit, bench, clocks)
+        turned = _turning(acquisition, axes, unit, bench, clocks)
         fits = np.einsum("kij,ij->ki", BODY_AXES, axes).min(axis=-1)
-        if rotation is not None:
-            turning.append(rotation)
+        if turned is not None:
+            turning.append(turned)
         elif acquisition.turned is None and fits.max() > ALIGNED:
             at_rest.append(AtRest(int(np.argmax(fits)), acquisition))
         else:
