@@ -8,12 +8,15 @@ import sqlite3
 from collections.abc import Iterable
 from pathlib import Path
 
+from bench.clock import Stopwatch, wall_utc
 from bench.errors import StoreError
 from bench.files import make_folder
 from bench.store.chain import Link, check_rows
 from bench.store.user_state import state_folder
 
 RESCUED = "rescued"  # subfolder for records of runs whose directory was removed
+LOOK_EVERY_S = 1.0
+SAME_TICK_S = 0.05  # two changes of a folder within a tick of the clock of the kernel may have the same time
 
 
 class WatchedFiles:
@@ -26,13 +29,24 @@ class WatchedFiles:
 
     def __init__(self, folder: Path, names: Iterable[str]) -> None:
         self._path, self._inodes = folder, {name: _inode(folder / name) for name in names}
-        self._files = {str(folder / name): inode for name, inode in self._inodes.items()}  # looked at in every commit
+        self._files = {str(folder / name): inode for name, inode in self._inodes.items()}
         self._grows, self._size = next(iter(self._files)), 0
         self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        self._unchanged: tuple[int, int, int] | None = None  # state of the folder when all files were last there
+        self._looked = Stopwatch()
 
     def missing(self) -> Path | None:
-        """Return the folder or file that is no longer at its path, or None if all are there."""
+        """Return the folder or file that is no longer at its path, or None if all are there.
+
+        The files are looked at when the folder has changed, and every second. Looking at the log in every commit would
+        make each a tenth longer: since Linux 6.13 the next write to a file whose times were read has to change them.
+        """
+        folder = _state(self._path)
+        if folder is not None and folder == self._unchanged and self._looked.elapsed_s() < LOOK_EVERY_S:
+            return None
         gone = [path for path, inode in self._files.items() if _inode(path) != inode]
+        is_conclusive = folder is not None and not gone and wall_utc().timestamp() - folder[2] / 1e9 > SAME_TICK_S
+        self._unchanged, self._looked = folder if is_conclusive else None, Stopwatch()
         if not gone:
             return None
         return self._path if len(gone) == len(self._files) else Path(gone[0])
@@ -96,8 +110,14 @@ def rescue_database(database: sqlite3.Connection, run: str, file: str, last: Lin
 
 
 def _inode(path: Path | str) -> tuple[int, int] | None:
+    found = _state(path)
+    return None if found is None else found[:2]
+
+
+def _state(path: Path | str) -> tuple[int, int, int] | None:
+    """Device, inode and time of the last change in ns of a file, or of the entries of a folder; None if it is gone."""
     try:
         found = os.stat(path)
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return found.st_dev, found.st_ino, found.st_mtime_ns

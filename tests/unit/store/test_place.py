@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
+import time
 from contextlib import closing
 
 import pytest
@@ -53,6 +54,33 @@ def test_a_file_that_is_gone_or_replaced_is_named(watched, folder):
     other.rename(folder / "data")
     (folder / "log").write_bytes(b"another")
     assert watched.missing() in (folder, folder / "data")  # the log may have its old inode again
+
+
+def test_files_are_looked_at_when_the_folder_has_changed_and_every_second(watched, folder, monkeypatch):
+    long_ago_s = folder.stat().st_mtime - 10
+    os.utime(folder, (long_ago_s, long_ago_s))
+    assert watched.missing() is None
+    (folder / "log").unlink()
+    assert watched.missing() == folder / "log"
+    (folder / "log").write_bytes(b"")
+    found = WatchedFiles(folder, NAMES)
+    os.utime(folder, (long_ago_s, long_ago_s))
+    assert found.missing() is None
+    (folder / "log").unlink()
+    os.utime(folder, (long_ago_s, long_ago_s))  # as if nothing had changed
+    assert found.missing() is None
+    monkeypatch.setattr("bench.store.place.LOOK_EVERY_S", 0.0)
+    assert found.missing() == folder / "log"
+    found.close()
+
+
+def test_a_file_that_is_removed_within_the_tick_of_the_last_look_is_missed_by_none(watched, folder):
+    changed_s = time.time()
+    os.utime(folder, (changed_s, changed_s))
+    assert watched.missing() is None
+    (folder / "log").unlink()
+    os.utime(folder, (changed_s, changed_s))  # the kernel gives both changes the same time
+    assert watched.missing() == folder / "log"
 
 
 def test_a_folder_that_is_moved_is_missing_and_found(watched, folder):
