@@ -8,7 +8,7 @@ from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bench.app.beginning import Register, instant, keep_inputs, write_beginning, write_manifest
 from bench.app.clock_record import ClockRecord
@@ -56,8 +56,7 @@ if TYPE_CHECKING:  # a run starts without loading what only its results need
 HEALTHY_BLOCK_S = 60.0  # time for which frames stay with the nodes if no fault is planned
 
 
-@dataclass(frozen=True)
-class RunResult:
+class RunResult(NamedTuple):
     """Outcome of a run: directory, problems, results, and report unless it failed or none was asked for."""
 
     path: Path
@@ -143,8 +142,7 @@ def _execute(
         directory.release()
 
 
-@dataclass(frozen=True)
-class _Run:
+class _Run(NamedTuple):
     """Outcome of an executed plan, with its closed record; `digest` is "" if its data could not be written."""
 
     outcome: Outcome

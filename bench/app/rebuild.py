@@ -6,7 +6,6 @@ import asyncio
 import random
 import shutil
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -108,7 +107,7 @@ def _stretches(entries: Sequence[Event]) -> list[tuple[Sequence[Event], Sequence
 def _expect_the_same(stretch: Sequence[Event], again: Sequence[Event], run: str) -> None:
     recorded = [entry for entry in stretch if entry.kind not in _FROM_OUTSIDE]
     for before, now in zip(recorded, again, strict=False):
-        if replace(before, seq=now.seq) != now:
+        if before._replace(seq=now.seq) != now:
             raise InputError(
                 f"{run}: its simulated bench cannot be rebuilt: at {before.at_s:.3f} s the run had {before.kind} "
                 f"{before.step} {before.data}, and now has {now.kind} {now.step} {now.data} at {now.at_s:.3f} s"

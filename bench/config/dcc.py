@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, PlainSerializer, PlainValidator, ValidationError, ValidationInfo, WithJsonSchema
 from pydantic_core import InitErrorDetails, PydanticCustomError
@@ -24,8 +23,7 @@ BESIDE = ("signed_by", "quantities", "serial")
 _FILE = FileBeside()
 
 
-@dataclass(frozen=True)
-class CertificateFile:
+class CertificateFile(NamedTuple):
     """Certificate of an instrument: its file and that of its signers, as named in the bench file and as read.
 
     `signature` states in words who signed it, "" for nobody. `covers` are the least and greatest reading in it.

@@ -12,7 +12,7 @@ import math
 from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ AHEAD_S = 0.5  # of the clock of the run; instrument times converted to it diffe
 ROUNDING_S = 1e-6  # of times of readings, which are sums
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(NamedTuple):
     """Plausible readings of a working sensor, in the unit of its channel and seconds.
 
     From one reading to the next it changes at most by `jump` and `steepest_per_s`. It stays at one value for

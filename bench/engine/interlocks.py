@@ -9,6 +9,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from bench.config.channels import Channel, channels_of
 from bench.config.interlocks import (
@@ -104,8 +105,7 @@ class Interlocks:
         return changes
 
 
-@dataclass(frozen=True, slots=True)
-class _Good:
+class _Good(NamedTuple):
     """Range of good values, both ends included, with its text."""
 
     low: float

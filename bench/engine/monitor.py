@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from bench.config.channels import period_s, stale_after_s
@@ -194,7 +194,7 @@ class Monitor:
         if channel is None:
             rule = rule_of(source, unit, self._bench)
             if self._interlocks.judge_values_of(source):
-                rule = replace(rule, matters=True)
+                rule = rule._replace(matters=True)
             channel = self._channels[source] = Channel(self._names.get(source, source), unit, rule)
         valid, invalid = channel.take(readings, now_s)
         for each in invalid:

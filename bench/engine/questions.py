@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from bench.errors import InputError, StepError
 from bench.sequence.steps.talk import PhysicalChange, TypedInput
@@ -15,8 +15,7 @@ from drivers.quantity.units import QuantityError
 from drivers.schema.suggest import did_you_mean
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(NamedTuple):
     """A question of a step: the answer is one of `choices` or, without them, free input.
 
     A request of a device, `request`, has its own id in `step`.
@@ -69,8 +68,7 @@ def _typed(answer: str, wanted: TypedInput) -> Quantity | str:
     return value
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(NamedTuple):
     """An answer and the name of the person."""
 
     value: Quantity | str

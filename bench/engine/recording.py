@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Awaitable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.engine.context import Bench
 from bench.engine.missed import Watch
@@ -71,8 +70,7 @@ async def outputs_of(place: str, duration_s: float, step_id: str, bench: Bench) 
     return {sensor: mean_of(each) if each is not None else NOTHING for sensor, each in found.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class _Recorded:
+class _Recorded(NamedTuple):
     """A sink that writes to the run store, under a step."""
 
     writer: RunWriter

@@ -6,9 +6,8 @@ In a run of one unit every problem ends the run, like one of the bench.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from bench.config.models import BenchFile
 from bench.config.places import PlaceEntry
@@ -23,8 +22,7 @@ STANDING_S = 20.0  # time without a pulse
 SURE_INPUT_G = 0.015  # along the input axis: more than bias, misalignment and dead band together can cancel
 
 
-@dataclass(frozen=True, slots=True)
-class UnitFailure:
+class UnitFailure(NamedTuple):
     """Reason why a unit takes no further part. Only a current above its window proves that the unit itself is bad."""
 
     place: str

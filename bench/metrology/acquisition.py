@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,7 @@ Array = NDArray[np.float64]
 NO_GAPS: Integers = np.empty((0, 2), np.int64)
 
 
-@dataclass(frozen=True, slots=True)
-class Shift:
+class Shift(NamedTuple):
     """A change of an output: `times` its value plus `more` in its unit, a rate in pulse/s for pulse counts."""
 
     times: float = 1.0
@@ -90,8 +90,7 @@ class Positions:
     channel: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """Commanded motion of a table during an acquisition, reached before it began.
 
     It rotated at `rate_dps`, or oscillated by ± `amplitude_deg` at `frequency_hz`; the other is None. During a
@@ -119,16 +118,14 @@ class Mount:
     clock_deg: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Voltages:
+class Voltages(NamedTuple):
     """Readings of a voltmeter during one acquisition, (n,) and raw: `values_v` at bench times `at_s`, their middles."""
 
     at_s: Array
     values_v: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Currents:
+class Currents(NamedTuple):
     """Readings of an ammeter during one acquisition, (n,): `values_a` at `at_s` of bench time, their mid-times."""
 
     at_s: Array
@@ -170,8 +167,7 @@ class Codes:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
+class Output(NamedTuple):
     """A mean output in its unit; `problems` make it unusable.
 
     `single_u` is its standard uncertainty by itself: the resolution of the count, or the scatter of the voltmeter's
@@ -184,8 +180,7 @@ class Output:
     quantisation_u: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class ClockReading:
+class ClockReading(NamedTuple):
     """What the clock of a device showed at a time of the host's: `device_s`, which goes back to 0 at `wraps_s`."""
 
     device_s: float
@@ -193,8 +188,7 @@ class ClockReading:
     host_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
+class Window(NamedTuple):
     """Mean of one channel, for methods that need no more.
 
     The mean output, such as a net rate in pulse/s, over `span_s` of the clock of the counter, which is `host_span_s` of
@@ -212,8 +206,7 @@ class Window:
     clock: ClockReading | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Turned:
+class Turned(NamedTuple):
     """A rotation during an acquisition: axis, commanded rate, and its angle at bench times."""
 
     axis: str

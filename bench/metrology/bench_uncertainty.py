@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from bench.metrology.results.budget import BudgetLine, common, gain_and_offset
 
@@ -12,8 +13,7 @@ WOBBLE = "axis: wobble"
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class AxisRecord:
+class AxisRecord(NamedTuple):
     """An axis of the table: direction of its positive end with all angles at 0 (east, north, up), and its errors.
 
     `harmonics_u_deg` are standard uncertainties of the cosine and the sine amplitude of harmonics 1, 2, … of its error,
@@ -29,8 +29,7 @@ class AxisRecord:
     wobble_u_deg: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class SourceRecord:
+class SourceRecord(NamedTuple):
     """Certificate of a current source or an ammeter, as standard uncertainties.
 
     Gain (1), offset (A), drift (1/s).
@@ -57,8 +56,7 @@ class Drift:
     is_stated: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class ClockRecord:
+class ClockRecord(NamedTuple):
     """Clock of a node that latches an encoder, as standard uncertainties.
 
     `skew_u_s` is that of the time from the latch of the encoder to that of the pulses, or to the end of the sample.
@@ -74,8 +72,7 @@ class ClockRecord:
         return common(f"{self.name}: time base", self.time_base_u)
 
 
-@dataclass(frozen=True, slots=True)
-class TiltPairRecord:
+class TiltPairRecord(NamedTuple):
     """Two places whose accelerometers measure a tilt together: `across` is up when `along` is level.
 
     Their input axes are at 90° and the skew to each other, with its standard uncertainty.

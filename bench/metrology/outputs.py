@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -82,7 +81,7 @@ def mean_output(acquisition: Acquisition, unit: UnitUnderTest) -> Output:
     output = mean_of(found if acquisition.over_s is None else _last(found, acquisition.over_s))
     if acquisition.stable is None or unit.place in acquisition.stable:
         return output
-    return replace(output, problems=(*output.problems, "unstable"))
+    return output._replace(problems=(*output.problems, "unstable"))
 
 
 def mean_of(found: Measured) -> Output:

@@ -143,7 +143,7 @@ def _changed(acquisition: Acquisition, shifts: Shifts) -> Acquisition:
     return replace(
         acquisition,
         counts=changed(acquisition.counts, lambda found, by: replace(found, shift=by)),
-        voltages=changed(acquisition.voltages, lambda found, by: replace(found, values_v=by.of_each(found.values_v))),
+        voltages=changed(acquisition.voltages, lambda found, by: found._replace(values_v=by.of_each(found.values_v))),
         codes=changed(acquisition.codes, lambda found, by: replace(found, values=by.of_each(found.values))),
-        windows=changed(acquisition.windows, lambda found, by: replace(found, mean=by.of(found.mean))),
+        windows=changed(acquisition.windows, lambda found, by: found._replace(mean=by.of(found.mean))),
     )

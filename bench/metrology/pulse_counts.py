@@ -7,7 +7,7 @@ only decide on its validity.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ CLOCK_SLACK = 0.5  # deviation relative to the usual time between two latches
 STANDSTILL_PERIODS = 5.0  # mean pulse periods without a pulse: dead band of the converter
 
 
-@dataclass(frozen=True, slots=True)
-class Rate:
+class Rate(NamedTuple):
     """A mean net rate in pulse/s over `span_s` of device time; `problems` make it unusable."""
 
     net_pps: float
@@ -29,8 +28,7 @@ class Rate:
     problems: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Clock:
+class _Clock(NamedTuple):
     """Times between the latches by the device's own clock, and their agreement with the latch numbers."""
 
     tick: Integers
@@ -66,8 +64,7 @@ def _clock_of(counts: Counts) -> _Clock:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class _Pulses:
+class _Pulses(NamedTuple):
     """Pulses between the latches, (N - 1,), their sum, and the most of them, as by `_most`."""
 
     steps: Integers

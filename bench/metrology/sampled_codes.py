@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,7 +47,7 @@ def mean_between(codes: Codes, from_s: float, to_s: float) -> Output:
     before_s = np.concatenate(([-np.inf], at_s[:-1]))
     inside = np.flatnonzero((before_s >= from_s) & (at_s <= to_s))
     if whole.problems or len(inside) < FEWEST_CODES:
-        return replace(whole, problems=whole.problems or ("too_few_codes",))
+        return whole._replace(problems=whole.problems or ("too_few_codes",))
     values, lasts_s = codes.values[inside], np.diff(at_s[inside], prepend=from_s)
     lasts_s[-1] += to_s - at_s[inside[-1]]
     sd = float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))

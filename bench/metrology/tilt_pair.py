@@ -156,7 +156,7 @@ class TiltOfTwo:
             apart = figure(self.error_deg(way, readings, skew_rad)) - found
             squares[line] = squares.get(line, 0.0) + apart**2
         skewed = (figure(self.error_deg(way, self.readings, skew_rad + s * self.pair.skew_u_rad)) for s in (1, -1))
-        lines = [replace(line, u=math.sqrt(square)) for line, square in squares.items()]
+        lines = [line._replace(u=math.sqrt(square)) for line, square in squares.items()]
         return [*lines, BudgetLine(SKEW, "B", max(abs(each - found) for each in skewed))]
 
 

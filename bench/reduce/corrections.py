@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -48,8 +48,7 @@ class Table:
         return np.asarray(self.at[0] + (angle_deg - self.at[0]) % TURN_DEG)
 
 
-@dataclass(frozen=True)
-class Corrections:
+class Corrections(NamedTuple):
     """Corrections of a bench, by the names of thermometers' readings and the roles of devices; only non-zero ones."""
 
     thermometers: Mapping[str, Table]
@@ -61,7 +60,7 @@ class Corrections:
     def temperatures(self, series: Series) -> Series:
         """A named reading, corrected if it is that of a thermometer with a table."""
         table = self.thermometers.get(series.name)
-        return series if table is None else replace(series, values=table.corrected(series.values))
+        return series if table is None else series._replace(values=table.corrected(series.values))
 
     def angle_deg(self, role: str, read_deg: float) -> float:
         """Corrected angle of an axis."""
@@ -81,7 +80,7 @@ class Corrections:
         known = self.voltmeters.get(role)
         if known is None:
             return read
-        return replace(read, values_v=read.values_v * (1 + known.gain) + known.offset)
+        return read._replace(values_v=read.values_v * (1 + known.gain) + known.offset)
 
     def current_a(self, role: str, read_a: float) -> float:
         """Corrected current of a source with this read-back."""
@@ -91,7 +90,7 @@ class Corrections:
     def measured(self, role: str, read: Currents) -> Currents:
         """Corrected readings of an ammeter."""
         table = self.currents.get(role)
-        return read if table is None else replace(read, values_a=table.corrected(read.values_a))
+        return read if table is None else read._replace(values_a=table.corrected(read.values_a))
 
 
 def corrections_of(bench: BenchFile) -> Corrections:

@@ -11,9 +11,8 @@ import asyncio
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import FrameType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from bench.engine.ending import EndRequest
 from bench.loop import BenchLoop
@@ -38,8 +37,7 @@ ENDING = sorted(
 )  # would end the process
 
 
-@dataclass(frozen=True)
-class EndSignal:
+class EndSignal(NamedTuple):
     """Request to end the run, by a signal or by this process itself; `gentle` allows the teardown."""
 
     name: str

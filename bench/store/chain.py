@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import sqlite3
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -71,8 +70,7 @@ class Link(NamedTuple):
         return Link(self.number + 1, rows, head_after(self.head, of_tables))
 
 
-@dataclass(frozen=True)
-class ChainCheck:
+class ChainCheck(NamedTuple):
     """Result of checking a run against its hash chain.
 
     `links` are the readable ones in order, `intact` is the last link before the first damage, and `damage` describes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,9 @@ from drivers.can.sent_frames import Counted, Encoder, Sampled
 from drivers.installed import loaded
 from drivers.schema.bounded import UnfitFileError
 
-_OF_COUNTS = [field.name for field in fields(decoded.Counts) if field.name not in ("first", "dropped")]
-_OF_SAMPLES = [field.name for field in fields(decoded.Samples) if field.name != "first"]
-_OF_POSITIONS = [field.name for field in fields(decoded.Positions) if field.name not in ("lost", "restarts")]
+_OF_COUNTS = [name for name in decoded.Counts._fields if name not in ("first", "dropped")]
+_OF_SAMPLES = [name for name in decoded.Samples._fields if name != "first"]
+_OF_POSITIONS = [name for name in decoded.Positions._fields if name not in ("lost", "restarts")]
 
 
 class Decoder:

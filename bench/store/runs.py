@@ -8,10 +8,9 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.errors import InputError, StoreError
 from bench.files import content_hash, is_locked, make_folder, sync_folder, write_atomically
@@ -149,8 +148,7 @@ def json_text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
 
-@dataclass(frozen=True)
-class RunSummary:
+class RunSummary(NamedTuple):
     """Summary of a run directory; `state` is running, interrupted, damaged, or the outcome of the run."""
 
     path: Path

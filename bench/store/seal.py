@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from bench.errors import StoreError
 from bench.files import DRAFT, content_hash, write_both
@@ -25,8 +24,7 @@ DERIVED = ("report.", "report_revisions.json", "approval.json")  # name prefixes
 _PASSING = (LOCK, RESERVE, RUNNER, "run.db-wal", "run.db-shm", SEAL)
 
 
-@dataclass(frozen=True)
-class Seal:
+class Seal(NamedTuple):
     """Content of a seal: commits and rows of the run, head of its chain, digest of its data, hashes of its files."""
 
     commits: int

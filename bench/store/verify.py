@@ -10,9 +10,8 @@ import contextlib
 import hashlib
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from bench.errors import StoreError
 from bench.store import database
@@ -29,8 +28,7 @@ from drivers.schema.bounded import UnfitFileError, expect_bounded, read_bounded
 Kind = Literal["running", "sealed", "unsealed", "unchained", "unreadable"]
 
 
-@dataclass(frozen=True)
-class Record:
+class Record(NamedTuple):
     """Result of verifying the record of a run.
 
     `commits`, `rows` and `head` are those of the intact part. `damage` lists the parts that have changed since they
@@ -170,7 +168,7 @@ def _seal_bytes(folder: Path) -> bytes:
 
 
 def _with(record: Record, *damage: str) -> Record:
-    return replace(record, damage=(*record.damage, *damage))
+    return record._replace(damage=(*record.damage, *damage))
 
 
 def _end(link: Link | None) -> tuple[int, int, str]:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 _HEADER, _FRAME, _SECTOR = 32, 24, 512  # bytes
 _MAGIC = 0x377F0682  # with little-endian checksums; plus one with big-endian ones
@@ -19,8 +19,7 @@ _INNER = (2, 5)  # b-tree pages with a header of 12 bytes; the others have 8
 Sum = tuple[int, int]
 
 
-@dataclass(frozen=True)
-class UnreadablePart:
+class UnreadablePart(NamedTuple):
     """Unreadable part of a log: number of whole commits, and whether it is damage or may be due to a power cut.
 
     `commits` is 0 if only a part of a commit remains, and -1 if the header of the log is wrong.
@@ -68,8 +67,7 @@ def unreadable_part(wal: Path) -> UnreadablePart | None:
     return UnreadablePart(lost, damage=lost > 1 or (complete and written))
 
 
-@dataclass(frozen=True)
-class _Frame:
+class _Frame(NamedTuple):
     """One frame: offset, whether it belongs to this log and ends a commit, and whether its checksum is right."""
 
     begin: int

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from datetime import datetime
 from functools import lru_cache
 from html import unescape
@@ -221,7 +220,7 @@ def _of_a_real_bench(resumption: Resumption) -> Resumption:
     """One whose bench time began by the clock of the computer."""
     first, *others = resumption.entries
     return resumption._replace(
-        entries=(replace(first, data={**first.data, "utc": resumption.manifest["started"]}), *others)
+        entries=(first._replace(data={**first.data, "utc": resumption.manifest["started"]}), *others)
     )
 
 

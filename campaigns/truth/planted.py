@@ -50,7 +50,7 @@ def host_time() -> Iterator[None]:
     def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
         honest = decode(form, channel, *given)
         ticks = np.rint(honest.host_s / form.tick_period_s).astype(np.int64)
-        return dataclasses.replace(honest, tick=ticks, tick_bits=ENDLESS_BITS)
+        return honest._replace(tick=ticks, tick_bits=ENDLESS_BITS)
 
     with mock.patch.object(wire, "decode_counts", mistaken):
         yield
@@ -64,10 +64,10 @@ def _without_wrap(width: str) -> Plant:
         decode, rate = wire.decode_counts, counting._rate
 
         def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
-            return dataclasses.replace(decode(form, channel, *given), **{width: ENDLESS_BITS})
+            return decode(form, channel, *given)._replace(**{width: ENDLESS_BITS})
 
         def unsuspecting(*given: object) -> counting.Rate:
-            return dataclasses.replace(rate(*given), problems=())
+            return rate(*given)._replace(problems=())
 
         with mock.patch.object(wire, "decode_counts", mistaken), mock.patch.object(counting, "_rate", unsuspecting):
             yield
@@ -104,7 +104,7 @@ def swapped_lines() -> Iterator[None]:
 
     def mistaken(form: wire.CounterFormat, channel: str, *given: object) -> wire.Counts:
         honest = decode(form, channel, *given)
-        return dataclasses.replace(honest, positive=honest.negative, negative=honest.positive)
+        return honest._replace(positive=honest.negative, negative=honest.positive)
 
     with mock.patch.object(wire, "decode_counts", mistaken):
         yield

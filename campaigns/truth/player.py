@@ -222,7 +222,7 @@ class Player:
         """Encoder readings at the first and the last latch."""
         from_s, to_s = self.world.host_time(at_s[[0, -1]]).tolist()
         from_deg, to_deg = self.world.axis_of(was.axis).encoder_angles_deg(at_s[[0, -1]]).tolist()
-        return replace(was, from_s=from_s, from_deg=from_deg, to_s=to_s, to_deg=to_deg)
+        return was._replace(from_s=from_s, from_deg=from_deg, to_s=to_s, to_deg=to_deg)
 
     def _temperatures(self, units: Sequence[UnitUnderTest]) -> Iterator[tuple[str, float]]:
         now = np.array([self._now_s])

@@ -60,10 +60,10 @@ def _acquisition(each: Acquisition) -> Acquisition:
     return replace(
         each,
         counts={k: replace(c, positive=c.negative, negative=c.positive) for k, c in each.counts.items()},
-        windows={k: replace(w, mean=-w.mean) for k, w in each.windows.items()},
-        voltages={k: replace(v, values_v=-v.values_v) for k, v in each.voltages.items()},
+        windows={k: w._replace(mean=-w.mean) for k, w in each.windows.items()},
+        voltages={k: v._replace(values_v=-v.values_v) for k, v in each.voltages.items()},
         codes={k: replace(c, values=-c.values) for k, c in each.codes.items()},
-        currents={k: replace(c, values_a=-c.values_a) for k, c in each.currents.items()},
+        currents={k: c._replace(values_a=-c.values_a) for k, c in each.currents.items()},
         sources_a={k: -a for k, a in each.sources_a.items()},
         sources_set_a={k: -a for k, a in each.sources_set_a.items()},
     )

@@ -24,8 +24,7 @@ class DbcError(ValueError):
     """A DBC that cannot be used, or a name that it does not contain."""
 
 
-@dataclass(frozen=True, slots=True)
-class Signal:
+class Signal(NamedTuple):
     """A bit field of a frame: `shift` counts from the least significant bit of the 64-bit word in its byte order."""
 
     name: str

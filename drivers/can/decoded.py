@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
@@ -15,8 +14,7 @@ from drivers.can.frame_block import FrameBlock
 from drivers.can.sequence_numbers import Integers
 
 
-@dataclass(frozen=True, slots=True)
-class Counts:
+class Counts(NamedTuple):
     """Raw counts of one channel, one row for each latch of which all frames arrived.
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick`, `positive`, `negative` (N,) are raw and wrap at
@@ -40,8 +38,7 @@ class Counts:
     restarts: int
 
 
-@dataclass(frozen=True, slots=True)
-class Samples:
+class Samples(NamedTuple):
     """Samples of one channel, one row for each valid sample that arrived once and in order.
 
     `sequence` (N,) is unwrapped, so a step above 1 is a gap; `tick` (N,) is raw and wraps at `2**tick_bits`; `values`
@@ -64,8 +61,7 @@ class Samples:
     restarts: int
 
 
-@dataclass(frozen=True, slots=True)
-class Positions:
+class Positions(NamedTuple):
     """Raw positions of one encoder, one row for each latch of which all frames arrived; `position` wraps.
 
     `sequence` (N,) is the number of the latch or sample of each position; `tick` (N,) is raw, `host_s` (N,) its time of

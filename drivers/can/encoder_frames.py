@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,7 @@ from drivers.can.sequence_numbers import MAX_LATE, Integers, ascending, shortest
 MAX_AHEAD = 8  # numbers by which a frame may be ahead of the next known one
 
 
-@dataclass(frozen=True, slots=True)
-class PositionFormat:
+class PositionFormat(NamedTuple):
     """Frame format of the encoder of an axis."""
 
     position: Field

@@ -6,8 +6,7 @@ A node on a healthy bus sends in cycles; all its messages are then found from th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,7 @@ from drivers.can.frame_block import FrameBlock
 T = TypeVar("T", bound=np.generic)
 
 
-@dataclass(frozen=True, slots=True)
-class Cycles:
+class Cycles(NamedTuple):
     """Start of each cycle in a block of `frames` (N,), and the position of each message in a cycle, by id and length.
 
     These messages occur nowhere else in the block, except at its head, as the end of the previous cycle; the last cycle

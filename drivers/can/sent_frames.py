@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 CODE = "code"  # unit of samples that are not decoded
 WITH_THE_COUNTS = ""  # instead of the channel with which an encoder is latched
@@ -24,8 +24,7 @@ class Counted:
     max_rate_pps: float
 
 
-@dataclass(frozen=True, slots=True)
-class Sampled:
+class Sampled(NamedTuple):
     """A channel of samples, one every `period_s`, in `unit`.
 
     A sample is the mean over the period that ends at its tick where it is `averaged`, else the output at its tick.
@@ -42,8 +41,7 @@ class Sampled:
 Output = Counted | Sampled
 
 
-@dataclass(frozen=True, slots=True)
-class Encoder:
+class Encoder(NamedTuple):
     """Encoder of a table, latched every `period_s` with the counts, or with the samples of a `channel`."""
 
     resolution_arcsec: float
@@ -68,8 +66,7 @@ def _not_known(_options: object) -> BusLoad:
     return BusLoad()
 
 
-@dataclass(frozen=True, slots=True)
-class SentFrames:
+class SentFrames(NamedTuple):
     """The frames of a driver's devices, as part of its description; each function takes the options of a device.
 
     `outputs` are the channels with outputs of units. `encoders` are latched with them, by the devices that drive their

@@ -13,7 +13,7 @@ import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Generic, Self, TypeVar
+from typing import Annotated, Any, Generic, NamedTuple, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -42,8 +42,7 @@ UNKNOWN = Quantity(math.nan)  # value of an expression that is not evaluated yet
 UNIT_KEYWORD = "x-unit"  # extension of JSON Schema: the unit of a quantity
 
 
-@dataclass(frozen=True, slots=True)
-class InUnit:
+class InUnit(NamedTuple):
     """Validates text, a Quantity or (for ratios) a bare number into a float in `unit`."""
 
     unit: str
@@ -204,8 +203,7 @@ Number = Annotated[float, Strict()]
 Flag = Annotated[bool, Strict()]
 
 
-@dataclass(frozen=True, slots=True)
-class TextLike:
+class TextLike(NamedTuple):
     """Validates text that completely matches `pattern`; `what` describes it in messages."""
 
     pattern: str
@@ -268,8 +266,7 @@ Instant = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class FileBeside:
+class FileBeside(NamedTuple):
     """Validates a file name into the path of an existing file in the folder of the document, or below it.
 
     With `files_needed: False` in the context it need not exist: a run does not store all files that its stored bench
@@ -333,8 +330,7 @@ class DocumentFile(Generic[ContentT]):
     content: ContentT | None
 
 
-@dataclass(frozen=True, slots=True)
-class ModelBeside:
+class ModelBeside(NamedTuple):
     """Validates the name of a file beside the document into the `model` that it contains; accepts a DocumentFile as is.
 
     The validation context provides `load` to read such files; its errors are not caught.

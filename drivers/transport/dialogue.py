@@ -6,7 +6,6 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import Any, TypeVar
 
 from drivers.description import Setup
@@ -80,7 +79,7 @@ class Dialogue:
         self._backoff = ReconnectBackoff()
         self._serial = setup.address.is_serial_line
         self.double_read = DoubleRead(setup.name, setup.note, checked=not self._serial)
-        self._pace = replace(pace, gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
+        self._pace = pace._replace(gap_s=max(pace.gap_s, SERIAL_GAP_S)) if self._serial else pace
         self._line: LineExchange | None = None
 
     @property

@@ -14,8 +14,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from drivers.errors import BadAnswer, LinkLost, NoAnswer, Refused
 from drivers.timing.awake import fair_timeout
@@ -34,8 +33,7 @@ Wrap = Callable[[bytes], bytes]
 """Encodes a command as bytes for the wire."""
 
 
-@dataclass(frozen=True, slots=True)
-class Pace:
+class Pace(NamedTuple):
     """Time limits of a line.
 
     An answer may take `answer_s`; after a silence of `quiet_s` a late one is no longer expected; a query is sent after
@@ -50,8 +48,7 @@ class Pace:
 DEFAULT_PACE = Pace()
 
 
-@dataclass(frozen=True, slots=True)
-class SyncQuery:
+class SyncQuery(NamedTuple):
     """A query without effect, and a check that raises unless its answer comes from the right instrument."""
 
     question: bytes

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 BITS_PER_BYTE = 10  # start, eight data bits, stop
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(NamedTuple):
     """Delays of a connection: round trip, and time to send each byte.
 
     All latency is applied to the answer, which is indistinguishable from a latency split between query and answer.

@@ -19,9 +19,8 @@ import asyncio
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from itertools import islice
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from drivers.can.frame_block import EXTENDED, FrameBlock
 from drivers.transport.address import Address
@@ -36,8 +35,7 @@ _TEXT = re.compile(rb"[\x20-\x7e\r\n]+")
 OPENED, CLOSED, SENT, RECEIVED = "+", "-", ">", "<"
 
 
-@dataclass(frozen=True, slots=True)
-class Passed:
+class Passed(NamedTuple):
     """One line of a trace; `text` is an address, bytes as `spelled`, or a CAN frame."""
 
     at_s: float

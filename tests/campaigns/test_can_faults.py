@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -64,7 +62,7 @@ def test_gaps_counted_by_time_stamps_are_caught(monkeypatch: pytest.MonkeyPatch)
             return found
         since_s = found.host_s - found.host_s[0]
         numbers = found.raw[0] + np.rint(since_s / np.median(np.diff(since_s))).astype(np.int64)
-        return replace(found, numbers=numbers, fresh=np.diff(numbers, prepend=numbers[0] - 1) > 0)
+        return found._replace(numbers=numbers, fresh=np.diff(numbers, prepend=numbers[0] - 1) > 0)
 
     monkeypatch.setattr(wire, "latches_of", by_arrival)
     tally = caught(FrameFault.LATE)
@@ -81,7 +79,7 @@ def test_frames_that_are_counted_twice_are_caught(monkeypatch: pytest.MonkeyPatc
 
     def counting(form: wire.CounterFormat, other: Field, block: FrameBlock, latches: wire.Latches) -> wire._Paired:
         found = right(form, other, block, latches)
-        return replace(found, lost=found.last - found.first + 1 - len(other.message.rows(block)))
+        return found._replace(lost=found.last - found.first + 1 - len(other.message.rows(block)))
 
     monkeypatch.setattr(wire, "_paired", counting)
     caught(FrameFault.DOUBLED)
@@ -89,7 +87,7 @@ def test_frames_that_are_counted_twice_are_caught(monkeypatch: pytest.MonkeyPatc
 
 def test_a_reset_that_is_taken_for_a_wrap_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     right = wire.latches_of
-    monkeypatch.setattr(wire, "latches_of", lambda form, block: replace(right(form, block), restarts=0))
+    monkeypatch.setattr(wire, "latches_of", lambda form, block: right(form, block)._replace(restarts=0))
     assert "nothing was told in spite of: " in "".join(caught(CounterFault.RESET, 16).unexpected)
 
 

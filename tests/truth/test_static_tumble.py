@@ -149,7 +149,7 @@ def test_where_the_head_stood_is_new_in_each_dwell_and_in_what_compares_dwells(p
     u_deg = 1e-4
     with open_run(perfect_runs[0]) as stored:
         data = stored.data("tumble")
-    axes = {name: replace(axis, repeatability_u_deg=u_deg) for name, axis in data.bench.axes.items()}
+    axes = {name: axis._replace(repeatability_u_deg=u_deg) for name, axis in data.bench.axes.items()}
     scattering = replace(data, bench=replace(data.bench, axes=axes))
     settings = TEMPERATURE_TUMBLE.settings.model_validate({}).model_dump()
     u = {}

@@ -7,14 +7,12 @@ line in the budget of the result.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 NEGLIGIBLE = 1e-4  # relative to the largest line of a budget: 1e-8 of its variance
 
 
-@dataclass(frozen=True, slots=True)
-class BudgetLine:
+class BudgetLine(NamedTuple):
     """One source of uncertainty: `u` in the unit of the finding, `dof` None for unlimited.
 
     Lines of several findings with the same `shared` are the same error, fully correlated. An `alias` is a confounded
@@ -31,7 +29,7 @@ class BudgetLine:
 
     def times(self, gain: float, source: str = "") -> BudgetLine:
         """The line for `gain` times the value; `source` renames it."""
-        return replace(self, u=float(self.u * gain), source=source or self.source)
+        return self._replace(u=float(self.u * gain), source=source or self.source)
 
 
 def common(source: str, u: float, kind: str = "") -> BudgetLine:
@@ -49,7 +47,7 @@ def combined(lines: Sequence[BudgetLine]) -> tuple[BudgetLine, ...]:
 
     The sign of a line, from a value or a derivative, is removed.
     """
-    lines = [replace(line, u=abs(line.u)) for line in lines]
+    lines = [line._replace(u=abs(line.u)) for line in lines]
     least = NEGLIGIBLE * max((line.u for line in lines), default=0.0)
     kept = [line for line in lines if line.u > least or line.type == "alias"]
     return tuple(sorted(kept, key=lambda line: -line.u))

@@ -7,7 +7,7 @@ duplicated frames and frames out of order are dropped and counted.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,7 @@ from drivers.can.sequence_numbers import Integers, ascending, count_restarts, ga
 from drivers.dialects.can_counter.options import ChannelOptions, LatchOptions
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelFormat:
+class ChannelFormat(NamedTuple):
     """Signals of one pair of counters."""
 
     positive: Field
@@ -31,8 +30,7 @@ class ChannelFormat:
     sequence: Field
 
 
-@dataclass(frozen=True, slots=True)
-class CounterFormat:
+class CounterFormat(NamedTuple):
     """Frame format of a counter: latch, channels and encoders by name, and readings by `Message.Signal`."""
 
     tick: Field
@@ -67,8 +65,7 @@ def unbroken(form: CounterFormat) -> GapDetector:
     return GapDetector.of(form.sequence, form.tick, [pair.sequence for pair in form.channels.values()])
 
 
-@dataclass(frozen=True, slots=True)
-class Latches:
+class Latches(NamedTuple):
     """Latches of a block: rows, arrival times, ticks and sequence numbers, raw and unwrapped.
 
     `fresh` marks numbers above all before them, `newest` is the highest, -1 without a latch.
@@ -95,8 +92,7 @@ def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     return Latches(rows, block.at_s.take(rows), ticks, raw, numbers, ascending(numbers), newest, restarts)
 
 
-@dataclass(frozen=True, slots=True)
-class _Paired:
+class _Paired(NamedTuple):
     """Frames of one message, their data as words (N,), their latches, and the number of dropped frames."""
 
     sequence: Integers

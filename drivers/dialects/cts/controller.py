@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
@@ -102,7 +101,7 @@ class CtsController(TextController):
         await self._send_command(start)
         await self._expect_started(self._control, start)
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=now_s())  # it was paused until now
+            self._ramp = self._ramp._replace(began_s=now_s())  # it was paused until now
             await self.command(self._ramp.target_c)
 
     async def _control(self) -> tuple[Control, str]:

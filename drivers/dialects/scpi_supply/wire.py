@@ -8,8 +8,8 @@ any traffic for its delay, the output is latched off. OUTP? does not show that, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 from drivers.protocols import scpi
 
@@ -40,8 +40,7 @@ STEADY_WITHIN = 0.05  # relative: possible change of voltage and current of a wo
 STEADY_WITHIN_V, STEADY_WITHIN_A = 0.02, 0.005  # absolute: resolution and noise of a supply
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
+class Setting(NamedTuple):
     """Wanted setting of the output: level, current limit, on or off, and watchdog delay; 0 for none."""
 
     level_v: float
@@ -51,14 +50,13 @@ class Setting:
 
     def switched_off(self) -> Setting:
         """The same with output and watchdog off."""
-        return replace(self, output=False, watchdog_s=0.0)
+        return self._replace(output=False, watchdog_s=0.0)
 
     def __str__(self) -> str:
         return f"{self.level_v:g} V, limit {self.limit_a:g} A, output {'on' if self.output else 'off'}"
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """State of a supply: measured values, settings, and tripped protections, in the order of TRIPS."""
 
     voltage_v: float

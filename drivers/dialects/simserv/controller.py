@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TypeVar
 
 from drivers.description import Setup
@@ -94,7 +93,7 @@ class Simpac(TextController):
         await self._send_command(start)
         await self._expect_started(self._control, start)
         if self._ramp is not None:
-            self._ramp = replace(self._ramp, began_s=now_s())  # it was stopped until now
+            self._ramp = self._ramp._replace(began_s=now_s())  # it was stopped until now
             await self.command(self._ramp.target_c)
 
     async def _send(self, ramp: OwnRamp) -> None:

@@ -8,8 +8,8 @@ treated as zero. Which half of a float comes first is a setting of the controlle
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 from drivers.kinds.chamber.words import WordOrder, Words, float32_value, float32_words
 
@@ -70,8 +70,7 @@ BLOCK_FIRST = LoopRegister.SET_POINT_IN_FORCE
 BLOCK_COUNT = LoopRegister.PROCESS_VALUE + 2 - BLOCK_FIRST
 
 
-@dataclass(frozen=True, slots=True)
-class LoopBlock:
+class LoopBlock(NamedTuple):
     """Decoded BLOCK_COUNT registers from BLOCK_FIRST; `mode` is an integer, because ControlMode may be incomplete."""
 
     set_point_in_force: float
@@ -79,8 +78,7 @@ class LoopBlock:
     process_value: float
 
 
-@dataclass(frozen=True, slots=True)
-class LoopFormat:
+class LoopFormat(NamedTuple):
     """Format of one control loop of one controller: loop number, from 1, and word order of floats."""
 
     loop: int = 1

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from drivers.values import Identity
 
@@ -17,8 +16,7 @@ class Control(Enum):
     FOREIGN = "other"  # a profile, a person, an alarm
 
 
-@dataclass(frozen=True, slots=True)
-class ControllerState:
+class ControllerState(NamedTuple):
     """State of a controller, °C.
 
     `set_point_c` is the active set point; `target_c` is the last command, from any master. `why` names another source

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 ARRIVED_WITHIN_C = 1e-4  # a few times the last bit of a float32: the active set point is computed, not copied
 FAR_AWAY_POLL_S = 5.0  # interval of polls while the end of a ramp is far away
 OWN_RAMP_WITHIN_C, OWN_RAMP_WITHIN_S = 1.0, 30.0  # tolerance of a controller's own ramp
 
 
-@dataclass(frozen=True, slots=True)
-class RampProfile:
+class RampProfile(NamedTuple):
     """One ramp, begun at the loop time `began_s`; without `step_s` the controller ramps by itself."""
 
     start_c: float
@@ -41,8 +40,7 @@ class RampProfile:
         return max(poll_s, min(left_s / 2, FAR_AWAY_POLL_S))
 
 
-@dataclass(frozen=True, slots=True)
-class OwnRamp:
+class OwnRamp(NamedTuple):
     """A controller's own ramp with little feedback: the expected set point over time."""
 
     start_c: float

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from drivers.transport.double_read import DoubleRead
 from drivers.values import Identity, Reading
@@ -11,8 +10,7 @@ from drivers.values import Identity, Reading
 ANSWER_S = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class AxisState:
+class AxisState(NamedTuple):
     """State of an axis reported by a controller; `words` are its own text, if any."""
 
     homed: bool
@@ -22,8 +20,7 @@ class AxisState:
     words: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class OwnLimits:
+class OwnLimits(NamedTuple):
     """The controller's own limits of an axis."""
 
     min_deg: float

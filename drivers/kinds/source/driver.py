@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from drivers.description import Nothing, Setup
 from drivers.errors import BeyondLimit
@@ -17,8 +16,7 @@ from drivers.values import Reading, SourceReading
 StateT = TypeVar("StateT", bound=OutputState[Setting])
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(NamedTuple):
     """Limits from the options of a bench file: one range, and levels and compliances (from, to)."""
 
     range_a: float

@@ -55,7 +55,7 @@ def by_numbers(channel: str, frames: FrameBlock) -> Counts:
 
 
 def check_alike(found: Counts, expected: Counts) -> None:
-    for name in Counts.__dataclass_fields__:
+    for name in Counts._fields:
         assert np.array_equal(getattr(found, name), getattr(expected, name)), name
 
 

@@ -4,7 +4,6 @@ import ast
 import asyncio
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache
 from html import unescape
 from pathlib import Path
@@ -218,7 +217,7 @@ def test_news_of_a_run_are_chinese_and_what_people_say_stays(failed):
     assert "由 联锁 warm 保持" in lines
     assert any(line.startswith("联锁 warm 已触发") for line in lines)
     assert not [line for line in lines if ENGLISH in line or "&lt;span" in line]
-    asked_ = replace(entries[0], kind="asked", data={"text": "<b>no answer</b> within 5 s"})
+    asked_ = entries[0]._replace(kind="asked", data={"text": "<b>no answer</b> within 5 s"})
     with language("zh"):
         assert [str(line.text) for line in news([asked_], None, {}, 1)] == [
             "问题：&lt;b&gt;no answer&lt;/b&gt; within 5 s"

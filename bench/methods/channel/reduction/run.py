@@ -232,5 +232,5 @@ def with_own_drift(levels: Mapping[str, Level], stated_u: float) -> dict[str, Le
 
 def _widened(level: Level, per_c: float) -> Level:
     u = abs(level.run.rate * level.scatter.accelerometer_per_c) * per_c
-    lines = [replace(line, u=u) if line.kind == OWN_TEMPERATURE else line for line in level.slope_lines]
+    lines = [line._replace(u=u) if line.kind == OWN_TEMPERATURE else line for line in level.slope_lines]
     return replace(level, slope_lines=tuple(lines))

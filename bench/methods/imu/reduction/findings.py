@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,7 @@ class AxisAtVisit:
         of_rates = scatter_line(self.noise.gyro_turning, turning * zero_dps / kg)
         lines = [
             scatter_line(self.noise.gyro_at_rest, gain / kg),
-            replace(of_rates, source="readings of the rates: scatter", kind=""),
+            of_rates._replace(source="readings of the rates: scatter", kind=""),
             *errors.lines(seen, gain),
             self._of("gyro").clock(zero_dps),
             self._thermometer("D0", one.gyro_c),

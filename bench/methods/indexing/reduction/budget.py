@@ -10,7 +10,7 @@ approached from above have a common error, the backlash.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class IndexingBudget:
             common("head: harmonics", 1.0, TILT): by_harmonics(turned, head_rad, head.harmonics_u_deg),
             BudgetLine("head: repeatability", "B", float(np.radians(head.repeatability_u_deg))): self._by_stand(turned),
             common(BACKLASH, np.radians(head.backlash_u_deg or 0.0)): np.array([turned[from_above].sum()]),
-            replace(self.bench.level, kind=TILT): together,
+            self.bench.level._replace(kind=TILT): together,
             common(source_of(LEVEL, level_drift), np.radians(level_drift.u)): np.array(
                 [turned @ [each.run_share for each in self.readings]]
             ),
@@ -86,7 +86,7 @@ class IndexingBudget:
     def lines(self, result: Estimate, without: str = "") -> tuple[BudgetLine, ...]:
         """Budget of a result; sources of the kind `without` are part of the quantity, not errors of it."""
         return combined([
-            replace(source, u=float(np.linalg.norm(source.u * gains)))
+            source._replace(u=float(np.linalg.norm(source.u * gains)))
             for source, gains in self.sources(result.gain).items()
             if not without or source.kind != without
         ])  # fmt: skip

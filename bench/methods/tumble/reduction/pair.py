@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def tilt_in_tumble(
     (along, _), (across, _) = of
     skew = skew_between(pair, along, across)
     if skew is not None:
-        pair = replace(pair, skew_rad=skew.value, skew_u_rad=skew.u)
+        pair = pair._replace(skew_rad=skew.value, skew_u_rad=skew.u)
     along_rad, across_rad = (axis_rad(data.acquisitions, each.unit, data.bench).tolist() for each in (along, across))
     by_step = {each.step: angle_rad for each, angle_rad in zip(data.acquisitions, along_rad, strict=True)}
     found = list(_common(along, across, by_step))
@@ -134,7 +134,7 @@ def skew_between(pair: TiltPairRecord, along: TumbleUnit, across: TumbleUnit) ->
     u_deg = along.bench.head.harmonics_u_deg
     harmonics = np.mean([_turned(other, u_deg) - _turned(dwell, u_deg) for dwell, other in both], axis=0)
     lines = [
-        replace(line, source=f"{unit.unit.place}: {line.source}")
+        line._replace(source=f"{unit.unit.place}: {line.source}")
         for unit, number in ((along, 0), (across, 1))
         for line in unit.own("misalignment", [(each[number], 1 / len(both)) for each in both])
     ]

@@ -115,7 +115,7 @@ class Left:
         return replace(
             found, id=found.id.replace(f"/{quantity}", f"/{quantity}/left"), quantity=f"{quantity}/left",
             name=NAMES[quantity], value=left, unit="g" if quantity == "K0" else "1", flags=(),
-            budget=tuple(replace(line, u=line.u / size) for line in found.budget),
+            budget=tuple(line._replace(u=line.u / size) for line in found.budget),
         )  # fmt: skip
 
     def _largest(self, at_dwells: Sequence[Finding]) -> Finding:
@@ -147,7 +147,7 @@ class Left:
         common = math.sqrt(max(found.u**2 - own_g[worst] ** 2, 0.0)) * degree
         yield self.of.subject.finding(
             "tilt/left_largest", "largest tilt that it indicates when level",
-            float(abs(indicated.tilt_deg[worst])), "°", [replace(line, u=line.u * degree) for line in found.budget],
+            float(abs(indicated.tilt_deg[worst])), "°", [line._replace(u=line.u * degree) for line in found.budget],
             self._where(found, worst), found.steps,
             interval=interval_of_largest(indicated.tilt_deg, indicated.u_deg).beside(common),
         )  # fmt: skip
@@ -160,5 +160,5 @@ class Left:
         ends[np.argmax(left_g)], ends[np.argmin(left_g)] = 1.0, -1.0
         line, level_rad = level_drift(self.of.data)
         by_level = float(ends @ level_rad(np.array([dwell.middle_s for dwell in self.of.dwells])))
-        lines = [*self.of.by_thermometer(ends, per_c), replace(line, u=abs(by_level))]
+        lines = [*self.of.by_thermometer(ends, per_c), line._replace(u=abs(by_level))]
         return [each.times(float(np.degrees(1.0))) for each in lines]

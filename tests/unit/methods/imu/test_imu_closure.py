@@ -42,7 +42,7 @@ def looked(
             orientation[:, 2] + orientation[:, :2] @ tilt_rad + misaligned + np.array([2e-3, -1e-3, 0.5e-3]) + bias_g
         )
         windows = {
-            channel: dataclasses.replace(each, mean=float(K1 * value))
+            channel: each._replace(mean=float(K1 * value))
             for (channel, each), value in zip(window.windows.items(), [*force_g, 0, 0, 0], strict=True)
         }
         read_c = {"t": np.full(3, 20.0 + warmer_c)}
@@ -97,7 +97,7 @@ def test_a_thermometer_that_drifts_within_the_run_is_in_the_budget_of_a_bias_by_
 
 def test_the_repeatability_of_the_axes_is_in_its_uncertainty():
     sharp = record(BENCH)
-    blurred = {role: dataclasses.replace(axis, repeatability_u_deg=1e-3) for role, axis in sharp.axes.items()}
+    blurred = {role: axis._replace(repeatability_u_deg=1e-3) for role, axis in sharp.axes.items()}
     closure = (*looked("s/opening"), *looked("s/closing"))
     data = RunData("imu", (UNIT,), (), dataclasses.replace(sharp, axes=blurred, level_u_deg=1.0), closure)
     (east,) = [each for each in closure_findings(data, UNIT, SENSITIVE) if each.at.get("direction") == "east"]
@@ -109,7 +109,7 @@ def test_the_repeatability_of_the_axes_is_in_its_uncertainty():
 def test_an_attitude_that_is_had_by_other_angles_has_other_errors_of_the_table():
     """The outer and the inner axis coincide where the x axis is up."""
     bench = record(BENCH)
-    off = {role: dataclasses.replace(axis, zero_u_deg=1e-2) for role, axis in bench.axes.items()}
+    off = {role: axis._replace(zero_u_deg=1e-2) for role, axis in bench.axes.items()}
     first, same = looked("s/opening"), looked("s/closing")
     other = [
         dataclasses.replace(each, angles_deg={**each.angles_deg, "outer": each.angles_deg["outer"] + 90.0,

@@ -29,8 +29,7 @@ def skewed(toward_y_g):
             level = windows["acc_z"].mean + K1 * toward_y_g * SPECIFIC_FORCE_G[NAMES.index(name), 1]
             silent = abs(pps) < 20e-6 * K1 and SPECIFIC_FORCE_G[NAMES.index(name), 2] == 0
             fired = silent and int(name[-1]) % 2
-            windows["acc_z"] = dataclasses.replace(
-                windows["acc_z"],
+            windows["acc_z"] = windows["acc_z"]._replace(
                 mean=(PULSE_PPS if fired else 0.0) if silent else level,
                 problems=("dead_band",) if silent and not fired else (),
             )
@@ -86,7 +85,7 @@ def test_the_gyro_is_read_where_the_accelerometer_is_silent():
 def test_a_vertical_accelerometer_that_falls_silent_is_a_fault():
     windows = [
         each if not each.step.endswith("/Az3") else dataclasses.replace(
-            each, windows=each.windows | {"acc_z": dataclasses.replace(each.windows["acc_z"], problems=("dead_band",))}
+            each, windows=each.windows | {"acc_z": each.windows["acc_z"]._replace(problems=("dead_band",))}
         )
         for each in block(BENCH, "s/hot", "xyz")
     ]  # fmt: skip

@@ -205,7 +205,7 @@ def test_a_time_to_settle_is_told_with_its_range_which_does_not_go_below_nought(
 def scattered(window, rng, sd_dps):
     """The window with gyros that scatter."""
     gyros = {
-        name: dataclasses.replace(each, mean=each.mean + KG * rng.normal(0, sd_dps)) if "gyro" in name else each
+        name: each._replace(mean=each.mean + KG * rng.normal(0, sd_dps)) if "gyro" in name else each
         for name, each in window.windows.items()
     }
     return dataclasses.replace(window, windows=gyros)

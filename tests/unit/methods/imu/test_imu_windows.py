@@ -93,7 +93,7 @@ def test_missing_rates_leave_their_axis_out():
 
 def test_an_attitude_that_reads_otherwise_is_doubted():
     some = block(BENCH, "s/hot", "xyz")
-    wrong = {name: dataclasses.replace(window, mean=0.0) for name, window in some[2].windows.items()}
+    wrong = {name: window._replace(mean=0.0) for name, window in some[2].windows.items()}
     found = result([*some[:2], dataclasses.replace(some[2], windows=wrong), *some[3:]])
     assert "T=50:attitude_inconsistent:Ax3" in texts(found.flags)
     assert found.left_out == ("hot/x",)
@@ -107,14 +107,14 @@ def test_exchanged_headings_are_seen_by_the_gyros():
 
 def test_of_a_repeated_attitude_the_last_counts():
     some = block(BENCH, "s/hot", "xyz")
-    wrong = {name: dataclasses.replace(each, mean=9e9) for name, each in some[0].windows.items()}
+    wrong = {name: each._replace(mean=9e9) for name, each in some[0].windows.items()}
     bad = dataclasses.replace(some[0], step="s/hot/Ax1~1", windows=wrong)
     assert result([bad, *some]).left_out == ()
 
 
 def test_a_table_that_did_not_turn_as_told_is_left_out():
     some = block(BENCH, "s/hot", "xyz")
-    slow = dataclasses.replace(some[-1], turned=dataclasses.replace(some[-1].turned, to_deg=-30.0))
+    slow = dataclasses.replace(some[-1], turned=some[-1].turned._replace(to_deg=-30.0))
     found = result([*some[:-1], slow])
     assert "T=50:missing_rate:z" in texts(found.flags)
 
@@ -146,7 +146,7 @@ def test_a_window_in_no_attitude_is_told():
 def test_a_latch_that_one_channel_lacks_changes_no_other():
     """Its window is shorter then; a mean stays a mean, whatever the window of another."""
     some = block(BENCH, "s/hot", "xyz")
-    short = {**some[0].windows, "gyro_z": dataclasses.replace(some[0].windows["gyro_z"], span_s=9.9)}
+    short = {**some[0].windows, "gyro_z": some[0].windows["gyro_z"]._replace(span_s=9.9)}
     whole = {each.id: each.value for each in result(some).findings}
     found = result([dataclasses.replace(some[0], windows=short), *some[1:]])
     for each in found.findings:
@@ -161,9 +161,7 @@ SENDS = dataclasses.replace(UNIT, channel_units=dict.fromkeys(CHANNELS_OF, "code
 
 def sent(acquisitions, **changes):
     """The same windows as means of samples."""
-    windows = [
-        {name: dataclasses.replace(each, **changes) for name, each in one.windows.items()} for one in acquisitions
-    ]
+    windows = [{name: each._replace(**changes) for name, each in one.windows.items()} for one in acquisitions]
     return [dataclasses.replace(one, windows=each) for one, each in zip(acquisitions, windows, strict=True)]
 
 
@@ -210,7 +208,7 @@ def with_clocks(acquisitions, clock, begun_anew_at=None, wraps_s=4294.967296):
     for number, each in enumerate(acquisitions):
         since_s = 60.0 * (number - (begun_anew_at or 0) if number >= (begun_anew_at or 0) else number)
         reading = ClockReading((4000.0 + since_s / clock) % wraps_s, wraps_s, 60.0 * number + late_s[number])
-        windows = {name: dataclasses.replace(window, clock=reading) for name, window in each.windows.items()}
+        windows = {name: window._replace(clock=reading) for name, window in each.windows.items()}
         found.append(dataclasses.replace(each, windows=windows))
     return found
 

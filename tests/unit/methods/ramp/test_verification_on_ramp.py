@@ -187,7 +187,7 @@ def test_the_tilt_by_both_is_compensated_by_both(of_lagging):
 
 
 def test_the_skew_is_in_the_tilt_of_another_position_and_not_in_that_of_one(of_lagging):
-    findings, stated = found(tilted(of_lagging)), found(tilted(of_lagging, replace(PAIR, skew_rad=5e-3)))
+    findings, stated = found(tilted(of_lagging)), found(tilted(of_lagging, PAIR._replace(skew_rad=5e-3)))
     largest = findings["tilt_of_two/left_largest"]
     assert {line.source: line.u for line in largest.budget}["skew between the input axes"] == pytest.approx(
         np.degrees(1e-3), rel=0.5

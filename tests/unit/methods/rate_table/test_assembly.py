@@ -60,7 +60,7 @@ def swing(frequency_hz=HZ, amplitude_dps=50.0, mount=Z_UP, up="z", scale=1.0):
 
 
 def reduced(reduce, method, *acquisitions, **settings):
-    upright = replace(BENCH, axes={"table": replace(BENCH.axes["table"], points=(0.0, 0.0, 1.0))})
+    upright = replace(BENCH, axes={"table": BENCH.axes["table"]._replace(points=(0.0, 0.0, 1.0))})
     chosen = method.settings.model_validate(settings).model_dump()
     (found,) = reduce(data(*acquisitions, unit=UNIT, bench=upright), chosen)
     return found
@@ -158,7 +158,7 @@ def as_sent(acquisition, latched="acc_x", averaged=True, late=0):
 
 
 def of_codes(reduce, method, *acquisitions, unit=SENDS, **settings):
-    upright = replace(BENCH, axes={"table": replace(BENCH.axes["table"], points=(0.0, 0.0, 1.0))})
+    upright = replace(BENCH, axes={"table": BENCH.axes["table"]._replace(points=(0.0, 0.0, 1.0))})
     chosen = method.settings.model_validate(settings).model_dump()
     (found,) = reduce(data(*acquisitions, unit=unit, bench=upright), chosen)
     return found

@@ -130,7 +130,7 @@ def test_a_constant_frequency_and_a_sweep_make_one_response():
 
 
 def test_what_was_not_swept_as_commanded_is_left_out_and_told():
-    half = replace(swept(PER_DEG * filtered(angle_deg())), motion=replace(motion(), sweep_s=2 * SWEEP_S))
+    half = replace(swept(PER_DEG * filtered(angle_deg())), motion=motion()._replace(sweep_s=2 * SWEEP_S))
     unit = gyro(half, replace(at_rest(50.0), motion=motion()))
     assert texts(unit.flags) == ("steps/n=0/acquire: not_swept", "steps/n=1/acquire: not_swept", "no_response")
     assert "did not change as commanded" in flag_in_words(unit.flags[0])

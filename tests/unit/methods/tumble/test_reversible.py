@@ -92,7 +92,7 @@ def test_budgets_of_a_tumble_hold_what_a_thermometer_makes_of_the_unit_without_i
     acquisitions = []
     for each, loop_g in zip(run.acquisitions, loops.tolist(), strict=True):
         read = each.voltages["dvm"]
-        looped = replace(read, values_v=read.values_v + scale_v_per_g * loop_g)
+        looped = read._replace(values_v=read.values_v + scale_v_per_g * loop_g)
         acquisitions.append(replace(each, voltages={"dvm": looped}))
     bench = replace(BENCH, thermometers_u={"t": (0.3, 1e-3)}, thermometer_drifts={})
     settings = TEMPERATURE_TUMBLE.settings.model_validate({"degree": 4}).model_dump()
