@@ -3,7 +3,6 @@
 On the perfect bench, where nothing else is wrong; each correction taken the wrong way round is seen.
 """
 
-from dataclasses import replace
 from unittest import mock
 
 import pytest
@@ -54,7 +53,7 @@ def wrong_angles():
     honest = Corrections.angle_deg
     return mock.patch.object(
         Corrections, "angle_deg",
-        lambda self, role, at: honest(replace(self, axes={r: backwards(t) for r, t in self.axes.items()}), role, at),
+        lambda self, role, at: honest(self._replace(axes={r: backwards(t) for r, t in self.axes.items()}), role, at),
     )  # fmt: skip
 
 
@@ -63,7 +62,7 @@ def wrong_temperatures():
     return mock.patch.object(
         Corrections, "temperatures",
         lambda self, read: honest(
-            replace(self, thermometers={n: backwards(t) for n, t in self.thermometers.items()}), read
+            self._replace(thermometers={n: backwards(t) for n, t in self.thermometers.items()}), read
         ),
     )  # fmt: skip
 
@@ -72,7 +71,7 @@ def wrong_clock():
     honest = Corrections.counts
     return mock.patch.object(
         Corrections, "counts",
-        lambda self, role, read: honest(replace(self, clocks={r: -c for r, c in self.clocks.items()}), role, read),
+        lambda self, role, read: honest(self._replace(clocks={r: -c for r, c in self.clocks.items()}), role, read),
     )  # fmt: skip
 
 

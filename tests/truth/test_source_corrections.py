@@ -3,7 +3,6 @@
 On the perfect bench, where nothing else is wrong: a rate at a level is that of the noiseless converter at this level.
 """
 
-from dataclasses import replace
 from unittest import mock
 
 import pytest
@@ -51,7 +50,7 @@ def backwards():
 
     def turned(self, role, told_a):
         tables = {name: Table(table.at, -table.add) for name, table in self.currents.items()}
-        return honest(replace(self, currents=tables), role, told_a)
+        return honest(self._replace(currents=tables), role, told_a)
 
     return mock.patch.object(Corrections, "current_a", turned)
 
