@@ -13,7 +13,7 @@ import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Generic, NamedTuple, Self, TypeVar
+from typing import Annotated, Any, Generic, Self, TypeVar
 
 from pydantic import (
     BaseModel,
@@ -42,7 +42,8 @@ UNKNOWN = Quantity(math.nan)  # value of an expression that is not evaluated yet
 UNIT_KEYWORD = "x-unit"  # extension of JSON Schema: the unit of a quantity
 
 
-class InUnit(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class InUnit:
     """Validates text, a Quantity or (for ratios) a bare number into a float in `unit`."""
 
     unit: str
@@ -203,7 +204,8 @@ Number = Annotated[float, Strict()]
 Flag = Annotated[bool, Strict()]
 
 
-class TextLike(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class TextLike:
     """Validates text that completely matches `pattern`; `what` describes it in messages."""
 
     pattern: str
@@ -266,7 +268,8 @@ Instant = Annotated[
 ]
 
 
-class FileBeside(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class FileBeside:
     """Validates a file name into the path of an existing file in the folder of the document, or below it.
 
     With `files_needed: False` in the context it need not exist: a run does not store all files that its stored bench
@@ -330,7 +333,8 @@ class DocumentFile(Generic[ContentT]):
     content: ContentT | None
 
 
-class ModelBeside(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class ModelBeside:
     """Validates the name of a file beside the document into the `model` that it contains; accepts a DocumentFile as is.
 
     The validation context provides `load` to read such files; its errors are not caught.
