@@ -155,9 +155,9 @@ def _decoders() -> Row:
 
 def _decode(dbc: Dbc, block: FrameBlock) -> None:
     for message in dbc.messages.values():
-        data = block.payloads(message.rows(block))
+        words = message.sent_in(block).words
         for signal in message.signals.values():
-            signal.raw(data)
+            signal.raw(words)
 
 
 def _cost_us(work: Callable[[], None], count: int) -> float:

@@ -36,12 +36,8 @@ class Signal(NamedTuple):
     offset: float
     unit: str
 
-    def raw(self, data: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Decode the integers of `data` (N, 8) uint8; up to 63 bits, or 64 signed."""
-        return self.raw_in(data.view(np.uint64).ravel())
-
-    def raw_in(self, words: NDArray[np.uint64]) -> NDArray[np.int64]:
-        """Decode the integers of data as little-endian 64-bit words, (N,)."""
+    def raw(self, words: NDArray[np.uint64]) -> NDArray[np.int64]:
+        """Decode the integers in the data of frames as little-endian words, (N,); up to 63 bits, or 64 signed."""
         words = (words.byteswap() if self.big_endian else words) >> np.uint64(self.shift)
         if self.shift + self.length < 64:
             words &= np.uint64((1 << self.length) - 1)
@@ -56,9 +52,9 @@ class Signal(NamedTuple):
         value = int.from_bytes(data, "big" if self.big_endian else "little") >> self.shift & (1 << self.length) - 1
         return value - (1 << self.length) if self.signed and value >> (self.length - 1) else value
 
-    def physical(self, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Convert raw integers to values in `unit`."""
-        return np.asarray(self.raw(data) * self.scale + self.offset, np.float64)
+    def physical(self, words: NDArray[np.uint64]) -> NDArray[np.float64]:
+        """Decode values in `unit` as `raw` does integers."""
+        return np.asarray(self.raw(words) * self.scale + self.offset, np.float64)
 
     def bits(self, values: NDArray[np.int64]) -> NDArray[np.uint64]:
         """Encode integers (N,) into the frames' 64-bit words, little-endian; bits beyond the field are cut."""
@@ -172,9 +168,9 @@ def readings_of(
     found, messages = {}, {field.message.id: field.message for field in fields.values()}
     frames = {of_message: message.sent_in(block) for of_message, message in messages.items()}
     for name, field in fields.items():
-        rows, data = frames[field.message.id].rows, frames[field.message.id].data
+        rows, words = frames[field.message.id]
         if len(rows):
-            found[name] = (block.at_s[rows], field.signal.physical(data))
+            found[name] = (block.at_s[rows], field.signal.physical(words))
     return found
 
 

@@ -23,11 +23,6 @@ class Sent(NamedTuple):
     rows: NDArray[np.intp]
     words: NDArray[np.uint64]
 
-    @property
-    def data(self) -> NDArray[np.uint8]:
-        """Data of the frames, (n, 8)."""
-        return self.words.view(np.uint8).reshape(-1, 8)
-
 
 @dataclass(frozen=True, slots=True)
 class FrameBlock:
@@ -44,10 +39,6 @@ class FrameBlock:
 
     def __len__(self) -> int:
         return len(self.at_s)
-
-    def payloads(self, rows: NDArray[np.intp]) -> NDArray[np.uint8]:
-        """Data of these frames, (n, 8)."""
-        return self.words.take(rows).view(np.uint8).reshape(-1, 8)
 
     @property
     def words(self) -> NDArray[np.uint64]:
@@ -88,7 +79,7 @@ class FrameBlock:
 
     def at(self, rows: NDArray[np.intp]) -> FrameBlock:
         """Frames in these rows, in their order."""
-        return FrameBlock(self.ids[rows], self.at_s[rows], self.dlc[rows], self.payloads(rows))
+        return FrameBlock(self.ids[rows], self.at_s[rows], self.dlc[rows], self.data[rows])
 
     @classmethod
     def of(cls, frames: Sequence[tuple[float, int, bytes]]) -> FrameBlock:

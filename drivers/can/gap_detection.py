@@ -75,14 +75,14 @@ class GapDetector:
     def _continues(self, block: FrameBlock) -> bool:
         leading = self.leading
         sent = leading.field.message.sent_in(block)
-        raw = leading.field.signal.raw_in(sent.words)
-        if not (leading.extend(raw) and self._in_time(self.tick.signal.raw_in(sent.words))):
+        raw = leading.field.signal.raw(sent.words)
+        if not (leading.extend(raw) and self._in_time(self.tick.signal.raw(sent.words))):
             return False
         if self._in_step and self._are_followed(block, sent.rows, raw):
             return True
         self._in_step = False
         return all(
-            each.extend(each.field.signal.raw_in(each.field.message.sent_in(block).words)) and self._as_many(each)
+            each.extend(each.field.signal.raw(each.field.message.sent_in(block).words)) and self._as_many(each)
             for each in self.others
         )
 
@@ -93,7 +93,7 @@ class GapDetector:
             words = _words(each.field.message, block, cycles)
             if words is None or len(words) != len(rows):
                 return False
-            numbers = each.field.signal.raw_in(words)
+            numbers = each.field.signal.raw(words)
             if ((numbers ^ raw) & self._common(each)).any():
                 return False
             found.append(numbers)

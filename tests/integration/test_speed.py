@@ -52,9 +52,9 @@ block = FrameBlock(ids, np.zeros(count), np.full(count, 8, np.uint8), data)
 
 def by_us():
     for message in ours.messages.values():
-        chosen = block.data[message.rows(block)]
+        words = message.sent_in(block).words
         for signal in message.signals.values():
-            signal.raw(chosen)
+            signal.raw(words)
 
 def by_them():
     for frame_id, payload in zip(ids.tolist(), map(bytes, data), strict=True):

@@ -84,9 +84,9 @@ class Latches(NamedTuple):
 def latches_of(form: CounterFormat, block: FrameBlock) -> Latches:
     """Latches of a block, with which the frames of all channels are paired."""
     rows, words, raw = _numbered(form.sequence, block)
-    ticks, tick_bits = form.tick.signal.raw_in(words), form.tick.signal.length
+    ticks, tick_bits = form.tick.signal.raw(words), form.tick.signal.length
     numbers = unwrapped_by_clock(raw, form.sequence.signal.length, ticks, tick_bits)
-    boots = form.boot_count.signal.raw_in(words) if form.boot_count else np.empty(0, np.int64)
+    boots = form.boot_count.signal.raw(words) if form.boot_count else np.empty(0, np.int64)
     restarts = int(np.count_nonzero(np.diff(boots))) or count_restarts(numbers, ticks, tick_bits)
     newest = int(numbers.max()) if len(numbers) else -1
     return Latches(rows, block.at_s.take(rows), ticks, raw, numbers, ascending(numbers), newest, restarts)
@@ -113,8 +113,8 @@ def decode_counts(form: CounterFormat, channel: str, block: FrameBlock, latches:
     return Counts(
         sequence=found.sequence,
         tick=found.tick,
-        positive=pair.positive.signal.raw_in(found.other),
-        negative=pair.negative.signal.raw_in(found.other),
+        positive=pair.positive.signal.raw(found.other),
+        negative=pair.negative.signal.raw(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         counter_bits=pair.positive.signal.length,
@@ -133,7 +133,7 @@ def decode_positions(form: CounterFormat, name: str, block: FrameBlock, latches:
     return Positions(
         sequence=found.sequence,
         tick=found.tick,
-        position=encoder.position.signal.raw_in(found.other),
+        position=encoder.position.signal.raw(found.other),
         host_s=found.host_s,
         tick_bits=form.tick.signal.length,
         position_bits=encoder.position.signal.length,
@@ -216,7 +216,7 @@ def newest_counts(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[flo
     for name, pair in form.channels.items():
         sent = newest.get((messages[name].id, messages[name].length))
         if sent is not None:
-            data = sent.data.tobytes()
+            data = sent.words.tobytes()
             counts = pair.positive.signal.raw_of(data), pair.negative.signal.raw_of(data)
             found[name] = float(block.at_s[sent.rows[0]]), counts
     return found
@@ -230,4 +230,4 @@ def temperatures(form: CounterFormat, block: FrameBlock) -> dict[str, tuple[NDAr
 def _numbered(sequence: Field, block: FrameBlock) -> tuple[NDArray[np.intp], NDArray[np.uint64], Integers]:
     """Rows, data and raw sequence numbers of the frames of a message."""
     sent = sequence.message.sent_in(block)
-    return sent.rows, sent.words, sequence.signal.raw_in(sent.words)
+    return sent.rows, sent.words, sequence.signal.raw(sent.words)

@@ -72,21 +72,20 @@ def unbroken(forms: Mapping[str, SampleFormat]) -> list[GapDetector]:
 
 def first_number(form: SampleFormat, block: FrameBlock) -> int | None:
     """Sequence number in the first frame of a channel in a block, as sent; None without a frame."""
-    data = form.value.message.sent_in(block).data
-    return int(form.sequence.signal.raw(data[:1])[0]) if len(data) else None
+    words = form.value.message.sent_in(block).words
+    return int(form.sequence.signal.raw(words[:1])[0]) if len(words) else None
 
 
 def decode_samples(form: SampleFormat, block: FrameBlock, from_number: int | None = None) -> Samples:
     """Decode the samples of one channel in a block; their numbers are unwrapped from the first, or `from_number`."""
-    sent = form.value.message.sent_in(block)
-    rows, data = sent.rows, sent.data
+    rows, words = form.value.message.sent_in(block)
     tick = form.tick.signal
-    ticks = tick.raw(data)
-    numbers = _numbers(form, data, from_number)
+    ticks = tick.raw(words)
+    numbers = _numbers(form, words, from_number)
     first, last = (int(numbers[0]), int(numbers.max())) if len(rows) else (0, -1)
     fresh = ascending(numbers)
-    usable = fresh & _valid(form, data)
-    signal, kept = form.value.signal, data[usable]
+    usable = fresh & _valid(form, words)
+    signal, kept = form.value.signal, words[usable]
     return Samples(
         sequence=numbers[usable],
         tick=tick.raw(kept),
@@ -102,10 +101,10 @@ def decode_samples(form: SampleFormat, block: FrameBlock, from_number: int | Non
     )
 
 
-def _numbers(form: SampleFormat, data: NDArray[np.uint8], from_number: int | None) -> Integers:
+def _numbers(form: SampleFormat, words: NDArray[np.uint64], from_number: int | None) -> Integers:
     """Unwrapped numbers of samples, of which the first is `from_number`, or as it was sent."""
     number, tick = form.sequence.signal, form.tick.signal
-    numbers = unwrapped_by_clock(number.raw(data), number.length, tick.raw(data), tick.length)
+    numbers = unwrapped_by_clock(number.raw(words), number.length, tick.raw(words), tick.length)
     return numbers if from_number is None or not len(numbers) else numbers + (from_number - numbers[0])
 
 
@@ -115,18 +114,18 @@ def decode_positions(
     """Decode encoder positions at the ends of the samples of a channel, one row for each valid sample that has one."""
     samples = decode_samples(form, block, from_number)
     sent, of_samples = encoder.sequence.message.sent_in(block), form.value.message.sent_in(block)
-    known = _numbers(form, of_samples.data, from_number)
-    data, own = sent.data, encoder.sequence.signal
+    known = _numbers(form, of_samples.words, from_number)
+    own = encoder.sequence.signal
     bits = min(own.length, form.sequence.signal.length)  # a longer number has no counterpart in the samples
     ahead = ascending(known)
-    numbers, fresh = unwrap_by_neighbours(sent.rows, own.raw(data), bits, of_samples.rows[ahead], known[ahead])
+    numbers, fresh = unwrap_by_neighbours(sent.rows, own.raw(sent.words), bits, of_samples.rows[ahead], known[ahead])
     sequence, of_sample, of_encoder = np.intersect1d(
         samples.sequence, numbers[fresh], assume_unique=True, return_indices=True
     )
     return Positions(
         sequence=sequence,
         tick=samples.tick[of_sample],
-        position=encoder.position.signal.raw(data[fresh][of_encoder]),
+        position=encoder.position.signal.raw(sent.words[fresh][of_encoder]),
         host_s=samples.host_s[of_sample],
         tick_bits=samples.tick_bits,
         position_bits=encoder.position.signal.length,
@@ -138,10 +137,10 @@ def decode_positions(
 def arrivals(form: SampleFormat, block: FrameBlock) -> tuple[Integers, Integers, NDArray[np.float64]]:
     """Raw sequence numbers, codes and arrival times of all samples in a block."""
     sent = form.value.message.sent_in(block)
-    return form.sequence.signal.raw(sent.data), form.value.signal.raw(sent.data), block.at_s[sent.rows]
+    return form.sequence.signal.raw(sent.words), form.value.signal.raw(sent.words), block.at_s[sent.rows]
 
 
-def _valid(form: SampleFormat, data: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def _valid(form: SampleFormat, words: NDArray[np.uint64]) -> NDArray[np.bool_]:
     if form.status is None:
-        return np.ones(len(data), dtype=bool)
-    return np.asarray(form.status.signal.raw(data) & form.invalid_bits == 0)
+        return np.ones(len(words), dtype=bool)
+    return np.asarray(form.status.signal.raw(words) & form.invalid_bits == 0)

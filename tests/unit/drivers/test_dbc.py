@@ -39,21 +39,21 @@ def test_our_decoder_agrees_with_cantools_on_thousands_of_random_frames() -> Non
         message, signal = ours.field(f"M{frame_id}.S")
         seen.add((signal.big_endian, signal.signed, signal.length))
         frames = [draws.randbytes(message.length) for _ in range(10)]
-        data = np.frombuffer(b"".join(frame.ljust(8, b"\0") for frame in frames), np.uint8).reshape(-1, 8)
+        words = np.frombuffer(b"".join(frame.ljust(8, b"\0") for frame in frames), np.uint64)
         plain = [theirs.decode_message(frame_id, frame, scaling=False)["S"] for frame in frames]
         scaled = [theirs.decode_message(frame_id, frame)["S"] for frame in frames]
-        raw = signal.raw(data).tolist()
+        raw = signal.raw(words).tolist()
         if signal.length == 64 and not signal.signed:
             plain, scaled = [value - 2**64 if value >= 2**63 else value for value in plain], []
         assert raw == plain, message
         if signal.length < 64 or signal.signed:
-            assert [signal.raw_of(row.tobytes()) for row in data] == plain, message
+            assert [signal.raw_of(row.tobytes()) for row in words] == plain, message
         if scaled:
-            assert signal.physical(data).tolist() == pytest.approx(scaled, rel=1e-12), message
+            assert signal.physical(words).tolist() == pytest.approx(scaled, rel=1e-12), message
         if signal.length < 64:
-            words = signal.bits(np.array(plain, np.int64))
+            bits = signal.bits(np.array(plain, np.int64))
             encoded = [theirs.encode_message(frame_id, {"S": value}, scaling=False, strict=False) for value in plain]
-            assert [word.tobytes()[: message.length] for word in words.astype("<u8")] == encoded, message
+            assert [word.tobytes()[: message.length] for word in bits.astype("<u8")] == encoded, message
     assert len({length for _, _, length in seen}) > 50
     assert {(big_endian, signed) for big_endian, signed, _ in seen} == {(a, b) for a in (0, 1) for b in (0, 1)}
 
@@ -62,10 +62,10 @@ def test_every_signal_of_our_dbc_agrees_with_cantools_on_random_frames() -> None
     draws, theirs = random.Random(21), cantools.database.load_string(OURS, "dbc")
     for message in Dbc(OURS).messages.values():
         frames = [draws.randbytes(message.length) for _ in range(500)]
-        data = np.frombuffer(b"".join(frame.ljust(8, b"\0") for frame in frames), np.uint8).reshape(-1, 8)
+        words = np.frombuffer(b"".join(frame.ljust(8, b"\0") for frame in frames), np.uint64)
         decoded = [theirs.decode_message(message.id, frame) for frame in frames]
         for name, signal in message.signals.items():
-            assert signal.physical(data).tolist() == pytest.approx([values[name] for values in decoded], rel=1e-12)
+            assert signal.physical(words).tolist() == pytest.approx([values[name] for values in decoded], rel=1e-12)
 
 
 def test_the_layout_of_our_dbc() -> None:
@@ -105,7 +105,7 @@ def test_a_message_is_found_by_its_identifier_and_length() -> None:
     assert dbc.message("Plain").rows(block).tolist() == [0]
     assert dbc.message("Long").rows(block).tolist() == [1]
     assert dbc.message("Plain").rows(FrameBlock.empty()).tolist() == []
-    assert dbc.field("Plain.S")[1].raw(FrameBlock.empty().data).tolist() == []
+    assert dbc.field("Plain.S")[1].raw(FrameBlock.empty().words).tolist() == []
 
 
 def test_what_no_counter_sends_is_left_out() -> None:

@@ -41,7 +41,7 @@ def test_messages_are_found_by_id_and_length():
     for kind in [*{(int(each), int(length)) for each, length in zip(block.ids, block.dlc, strict=True)}, (7, 8)]:
         sent, wanted = found.sent(*kind), block.sent(*kind)
         assert np.array_equal(sent.rows, wanted.rows)
-        assert np.array_equal(sent.data, block.data[wanted.rows])
+        assert np.array_equal(sent.words, block.words[wanted.rows])
     assert len(found.sent(7, 8).rows) == 0
 
 
@@ -92,7 +92,7 @@ def test_the_newest_frame_of_each_message_is_its_last_one():
         for (frame_id, _), sent in found.items():
             (row,) = sent.rows.tolist()
             assert row == np.flatnonzero(ids == frame_id)[-1]
-            assert np.array_equal(sent.data, block.data[[row]])
+            assert np.array_equal(sent.words, block.words[[row]])
 
 
 @pytest.mark.parametrize("errors", [0, 4])

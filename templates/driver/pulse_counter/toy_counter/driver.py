@@ -33,14 +33,15 @@ class ToyCounter(FreeCounter[ToyCounterOptions]):
         return {TEMPERATURE: wire.TEMPERATURE}
 
     def _latches(self, block: FrameBlock) -> tuple[Integers, NDArray[np.float64]]:
-        rows = self._latch.rows(block)
-        return wire.NUMBER.raw(block.payloads(rows)), block.at_s[rows]
+        rows, words = self._latch.sent_in(block)
+        return wire.NUMBER.raw(words), block.at_s[rows]
 
     def _newest(self, block: FrameBlock) -> Newest:
         found = {}
         for channel, message in self._messages.items():
-            if len(rows := message.rows(block)[-1:]):
-                data = block.data[rows[0]].tobytes()
+            rows, words = message.sent_in(block)
+            if len(rows):
+                data = words[-1:].tobytes()
                 counts = wire.POSITIVE.raw_of(data), wire.NEGATIVE.raw_of(data)
-                found[channel] = float(block.at_s[rows[0]]), counts
+                found[channel] = float(block.at_s[rows[-1]]), counts
         return found

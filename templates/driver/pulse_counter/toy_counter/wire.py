@@ -33,12 +33,11 @@ def latch(number: int) -> Message:
 
 def counts_in(message: Message, block: FrameBlock) -> Counts:
     """Decode the counts of an input in a block; duplicated and late frames are dropped, lost ones counted."""
-    rows = message.rows(block)
-    data = block.payloads(rows)
-    ticks = TICK.raw(data)
-    numbers = unwrapped_by_clock(NUMBER.raw(data), NUMBER.length, ticks, TICK.length)
+    rows, words = message.sent_in(block)
+    ticks = TICK.raw(words)
+    numbers = unwrapped_by_clock(NUMBER.raw(words), NUMBER.length, ticks, TICK.length)
     fresh = ascending(numbers)
-    kept, came = data[fresh], numbers[fresh]
+    kept, came = words[fresh], numbers[fresh]
     first, last = (int(numbers[0]), int(came[-1])) if len(rows) else (0, -1)
     return Counts(
         sequence=came,
