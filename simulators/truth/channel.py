@@ -73,17 +73,16 @@ class _Channel:
     force_g: Array  # along its input, pendulous and output axes, (3,)
 
 
-def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
-    begin_s, end_s = world.true_time(level.begin_s), world.true_time(level.end_s)
+def _channel_of(world: World, level: LevelAsMeasured, board: Array) -> _Channel:
+    """The channel of a unit at a level; `board` are the states of its board meanwhile."""
     if level.place in world.units:
         unit = world.units[level.place]
-        history = unit.board.history.around(begin_s, end_s)
         along, output, pendulous = gravity_in_unit(world, unit, level.orientation)
         force_g = np.array([along, pendulous, output])
-        return _Channel(unit.truth, (history[:, 0], history[:, -1]), unit.settings.through, force_g)
+        return _Channel(unit.truth, (board[:, 0], board[:, -1]), unit.settings.through, force_g)
     imu = world.imus[level.place]
     axis = CHANNELS.index(level.sensor)
-    known = ImuState.of(imu.history.around(begin_s, end_s))
+    known = ImuState.of(imu.history.around(world.true_time(level.begin_s), world.true_time(level.end_s)))
     upward = gravity_in_unit(world, imu, level.orientation)
     force_g = np.roll(upward, -axis)  # its pendulous and output axes are the next two
     through = imu.settings.decodings.get(level.sensor)
@@ -91,11 +90,11 @@ def _channel_of(world: World, level: LevelAsMeasured) -> _Channel:
 
 
 def _level(world: World, level: LevelAsMeasured) -> dict[str, Any]:
-    channel = _channel_of(world, level)
     begin_s, end_s = world.true_time(level.begin_s), world.true_time(level.end_s)
     at_s = np.arange(begin_s, end_s, EVERY_S)
-    history = _board_of(world, level.place).history.around(begin_s, end_s)
-    board_c, thermometer_c, sensor_c = (np.interp(at_s, history[:, 0], row) for row in history.T[1:4])
+    board = _board_of(world, level.place).history.around(begin_s, end_s)
+    board_c, thermometer_c, sensor_c = (np.interp(at_s, board[:, 0], row) for row in board.T[1:4])
+    channel = _channel_of(world, level, board)
     input_a = level.source_a
     if input_a is None:
         input_a = _accelerometer_a(channel, sensor_c, np.interp(at_s, *channel.drifted))
