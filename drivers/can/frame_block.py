@@ -79,7 +79,8 @@ class FrameBlock:
 
     def at(self, rows: NDArray[np.intp]) -> FrameBlock:
         """Frames in these rows, in their order."""
-        return FrameBlock(self.ids[rows], self.at_s[rows], self.dlc[rows], self.data[rows])
+        data = self.words.take(rows).view(np.uint8).reshape(-1, 8)
+        return FrameBlock(self.ids[rows], self.at_s[rows], self.dlc[rows], data)
 
     @classmethod
     def of(cls, frames: Sequence[tuple[float, int, bytes]]) -> FrameBlock:
