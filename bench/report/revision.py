@@ -208,8 +208,7 @@ def _hash_of(content: object) -> str:
 
 def examined(folder: Path) -> Record:
     """Full examination of a run directory; reads every row and every file."""
-    record = examine(folder)
-    return record._replace(damage=(*record.damage, *changed_reports(folder)))
+    return examine(folder).with_damage(*changed_reports(folder))
 
 
 def verify(folder: Path) -> list[str]:

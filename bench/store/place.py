@@ -32,16 +32,16 @@ class WatchedFiles:
         self._files = {str(folder / name): inode for name, inode in self._inodes.items()}
         self._grows, self._size = next(iter(self._files)), 0
         self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        self._unchanged: tuple[int, int, int] | None = None  # state of the folder when all files were last there
+        self._unchanged: tuple[int, int, int] | None = None  # `_entries` of the folder when all files were last there
         self._looked = Stopwatch()
 
     def missing(self) -> Path | None:
         """Return the folder or file that is no longer at its path, or None if all are there.
 
-        The files are looked at when the folder has changed, and every second. Looking at the log in every commit would
-        make each a tenth longer: since Linux 6.13 the next write to a file whose times were read has to change them.
+        The files are checked when the folder has changed, and every second. Checking the log in every commit makes a
+        commit a tenth slower: since Linux 6.13, the write that follows `stat` of a file has to update its time stamps.
         """
-        folder = _state(self._path)
+        folder = _entries(self._path)
         if folder is not None and folder == self._unchanged and self._looked.elapsed_s() < LOOK_EVERY_S:
             return None
         gone = [path for path, inode in self._files.items() if _inode(path) != inode]
@@ -53,10 +53,10 @@ class WatchedFiles:
 
     def truncated(self) -> Path | None:
         """Return the first file if it has shrunk since the last call, else None."""
-        try:
-            size = os.stat(self._grows).st_size
-        except OSError:  # a missing file is reported by `missing`
+        found = _stat(self._grows)
+        if found is None:  # reported by `missing`
             return None
+        size = found.st_size
         if size < self._size:
             return Path(self._grows)
         self._size = size
@@ -110,14 +110,18 @@ def rescue_database(database: sqlite3.Connection, run: str, file: str, last: Lin
 
 
 def _inode(path: Path | str) -> tuple[int, int] | None:
-    found = _state(path)
-    return None if found is None else found[:2]
+    found = _stat(path)
+    return None if found is None else (found.st_dev, found.st_ino)
 
 
-def _state(path: Path | str) -> tuple[int, int, int] | None:
-    """Device, inode and time of the last change in ns of a file, or of the entries of a folder; None if it is gone."""
+def _entries(folder: Path) -> tuple[int, int, int] | None:
+    """Device and inode of a folder, and when an entry of it last changed, in ns; None if it is gone."""
+    found = _stat(folder)
+    return None if found is None else (found.st_dev, found.st_ino, found.st_mtime_ns)
+
+
+def _stat(path: Path | str) -> os.stat_result | None:
     try:
-        found = os.stat(path)
+        return os.stat(path)
     except OSError:
         return None
-    return found.st_dev, found.st_ino, found.st_mtime_ns

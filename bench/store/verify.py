@@ -43,6 +43,10 @@ class Record(NamedTuple):
     damage: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
 
+    def with_damage(self, *damage: str) -> Record:
+        """Return the result with more damage."""
+        return self._replace(damage=(*self.damage, *damage))
+
     @property
     def in_words(self) -> str:
         """Summary in one line, without the list of damage."""
@@ -71,7 +75,7 @@ def examine(folder: Path, *, thoroughly: bool = True) -> Record:
     if found.state != "interrupted" and (folder / SEAL).exists():
         return _sealed(found, thoroughly=thoroughly)
     record = _chained(found, "unsealed")
-    return record if found.state == "interrupted" else _with(record, *_why_unsealed(folder))
+    return record if found.state == "interrupted" else record.with_damage(*_why_unsealed(folder))
 
 
 def _unreadable(found: RunSummary, problem: str) -> Record:
@@ -106,7 +110,7 @@ def _sealed(found: RunSummary, *, thoroughly: bool) -> Record:
     try:
         seal = read_seal(folder)
     except StoreError as problem:
-        return _with(_chained(found, "sealed"), str(problem))
+        return _chained(found, "sealed").with_damage(str(problem))
     damage = list(changed_files(folder, seal.files))
     links: tuple[Link, ...] = ()
     intact = (seal.commits, seal.rows, seal.head)
@@ -165,10 +169,6 @@ def _seal_bytes(folder: Path) -> bytes:
         return read_bounded(folder / SEAL, LIMIT_BYTES)
     except UnfitFileError:
         return b""
-
-
-def _with(record: Record, *damage: str) -> Record:
-    return record._replace(damage=(*record.damage, *damage))
 
 
 def _end(link: Link | None) -> tuple[int, int, str]:

@@ -126,8 +126,8 @@ def _highest_rate(link: str) -> Row:
             held = rate
         sides[who] = Side(_named(who), KEPT[who], (held,))
     return Row(
-        "P2", f"highest rate by {link} of which none is lost, in steps of 2", "frames/s", sides[OURS], (sides[THEIRS],),
-        "", f"≥ {SATURATED:,.0f}", sides[OURS].value >= SATURATED, lower_is_better=False,
+        "P2", f"highest frame rate by {link} without frame loss (the rate is doubled up to it)", "frames/s",
+        sides[OURS], (sides[THEIRS],), "", f"≥ {SATURATED:,.0f}", sides[OURS].value >= SATURATED, lower_is_better=False,
     )  # fmt: skip
 
 

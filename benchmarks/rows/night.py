@@ -94,7 +94,12 @@ def beside_peers(whole: bool) -> Row:
         found = in_turn(sides)
         growth = {each: peer_s(each, share * longer * 2, work) for each, (*_, share) in PEERS.items()}
     peers = tuple(
-        Side(title(each), f"{PEERS[each][2]}; a part; from two: {growth[each]:,.0f}", found[each]) for each in PEERS
+        Side(
+            title(each),
+            f"{PEERS[each][2]}; extrapolated from a part; from twice that part: {growth[each]:,.0f} s",
+            found[each],
+        )
+        for each in PEERS
     )
     what = f"an hour of a night of M2: {work.moves:.0f} moves, {work.waits:.0f} waits, {work.readings:,.0f} readings"
     side = Side("this program", DURABLE, found[""])

@@ -186,7 +186,7 @@ def table_rows(spent: Mapping[str, Sequence[Spent]], raw_s: float, twice: Mappin
         sides = []
         for name, found in spent.items():
             kept = durability.get(name, "each block synced")
-            part = f"; a part; from two: {twice[name][at]:,.1f}" if name in twice else ""
+            part = f"; extrapolated from a part; from twice that part: {twice[name][at]:,.1f}" if name in twice else ""
             sides.append(Side(name or "this program", kept + part, tuple(each[at] for each in found)))
         goal = f"least, ≤ {MOST_BYTES:.0f} B" if at == 2 else "faster than each"
         row = Row("P4", what, "B" if at == 2 else "s", sides[0], tuple(sides[1:]), limit, goal, False)

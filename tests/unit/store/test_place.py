@@ -74,7 +74,7 @@ def test_files_are_looked_at_when_the_folder_has_changed_and_every_second(watche
     found.close()
 
 
-def test_a_file_that_is_removed_within_the_tick_of_the_last_look_is_missed_by_none(watched, folder):
+def test_a_file_removed_within_a_tick_of_the_last_check_is_noticed(watched, folder):
     changed_s = time.time()
     os.utime(folder, (changed_s, changed_s))
     assert watched.missing() is None
