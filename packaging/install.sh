@@ -33,5 +33,3 @@ fi
 ln -s "$folder" "$place.new"
 mv -T "$place.new" "$place"
 echo "$place/bin/bench is version $version"
-"$folder/bin/python" -c 'import weasyprint' 2> /dev/null ||
-    echo "PDFs need Debian's packages libpango-1.0-0, libpangoft2-1.0-0 and libharfbuzz-subset0; all else works."

@@ -74,8 +74,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _is_here(peer: str) -> bool:
-    if peer == "pango":
-        return find_library("pangoft2-1.0") is not None
     if peer in ("azurite", "s3rver"):
         return (ROOT / "build" / "npm" / peer / "node_modules" / peer).is_dir()
     if peer == "postgres":

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import logging
 import re
-from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -56,7 +55,6 @@ STYLE: dict[Any, Any] = {
 }
 _NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
-_FIGURE = re.compile(r'<svg role="img" aria-label="(?P<what>[^"]*)".*?</svg>', re.DOTALL)  # as `rendered` writes it
 _IDS = re.compile(r'( id="| href="#|url\(#)')
 
 
@@ -115,16 +113,3 @@ def rendered(figure: Figure, name: str, description: str) -> Markup:
     attributes = _SIZE_AND_NAMESPACES.sub("", opening)
     svg = f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}'
     return Markup(svg)  # noqa: S704  matplotlib escapes the text in a figure
-
-
-def as_images(page: str) -> str:
-    """The page with its `<svg>` elements replaced by images, each with its description as alternative text.
-
-    For PDF: WeasyPrint tags an `<svg>` element without a description, and computes styles for each element in it.
-    """
-    return _FIGURE.sub(_as_image, page)
-
-
-def _as_image(figure: re.Match[str]) -> str:
-    svg = figure[0].replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
-    return f'<img alt="{figure["what"]}" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'

@@ -9,21 +9,19 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from bench.errors import BenchError, InputError
 from bench.figures.languages import ENGLISH, language
-from bench.figures.svg import as_images
 from bench.files import atomic_file, write_atomically
 from bench.metrology.results.coverage import COVERAGE
-from bench.optional import imported
 from bench.reduce.evaluate import Results
 from bench.reduce.stored_run import StoredRun
 from bench.report.afterwards import afterwards
 from bench.report.approval import approval_of
 from bench.report.export.csv_cells import harmless
 from bench.report.html import render
+from bench.report.paper import library, pdf
 from bench.report.revision import replacing, revision_of, writing
 from bench.store.runs import MANIFEST, json_text
 
@@ -131,19 +129,6 @@ def _csv(run: StoredRun) -> bytes:
 
 
 FORMS: Mapping[str, Callable[[StoredRun], bytes]] = {"html": _html, "pdf": _pdf, "json": _json, "csv": _csv}
-
-
-def library() -> ModuleType:
-    """Import WeasyPrint; InputError with advice on installation if it is missing."""
-    return imported("weasyprint", "pdf", "libpango-1.0-0 libpangoft2-1.0-0 libharfbuzz-subset0")
-
-
-def pdf(page: str) -> bytes:
-    """PDF of the page, tagged for screen readers; equal pages give equal bytes. InputError without WeasyPrint."""
-    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # otherwise its embedded fonts contain their time of writing
-    html = library().HTML(string=as_images(page))
-    content: bytes = html.write_pdf(pdf_tags=True, pdf_identifier=b"inertial-test-bench")
-    return content
 
 
 def spreadsheet(results: Results) -> str:

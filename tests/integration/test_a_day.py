@@ -60,7 +60,7 @@ results:
       K0: {min: -5 mg, max: 5 mg}
 """
 PASSWORDS = {"anna": "anna measures slowly", "erik": "erik reads everything"}
-pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.peer("chromium", "playwright", "pango")]
+pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.peer("chromium", "playwright")]
 LONG_MS = 90_000  # on a busy machine a run takes its time to begin
 
 

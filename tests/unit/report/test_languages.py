@@ -338,7 +338,7 @@ def test_without_a_font_the_figures_are_english_and_the_page_says_so(run, monkey
 
 
 @pytest.mark.lengthy
-@pytest.mark.peer("pango", "a Chinese font")
+@pytest.mark.peer("a Chinese font")
 def test_a_pdf_brings_the_chinese_characters_that_it_uses(smoke_copy):
     path = report(smoke_copy, "pdf", "zh")
     reader = pypdf.PdfReader(path)

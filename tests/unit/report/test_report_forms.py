@@ -1,24 +1,20 @@
-"""The report of a run as a PDF, as JSON and as a table."""
+"""The report of a run as JSON and as a table."""
 
 import csv
 import gc
 import io
-import itertools
 import json
 import re
 import sqlite3
-import sys
-import time
 from contextlib import closing
 
-import pypdf
 import pytest
 
-from bench.errors import InputError, StoreError
+from bench.errors import StoreError
 from bench.reduce.stored_run import open_run
 from bench.report.export.csv_cells import harmless
 from bench.report.export.export import FORMATS
-from bench.report.write import FORMS, NEW_OBJECTS, pdf, write_report
+from bench.report.write import FORMS, NEW_OBJECTS, write_report
 from tests.support.runs import copy_bench, read_json, run_short, sealed_anew
 
 HOSTILE = '"}</style><script>alert(1)</script>'
@@ -37,51 +33,6 @@ def run(tmp_path_factory):
 def report(run, form):
     with open_run(run.path) as stored:
         return write_report(stored, form)
-
-
-@pytest.mark.lengthy
-@pytest.mark.peer("pango")
-def test_a_pdf_has_a4_pages_each_with_what_it_is_of_and_its_number(run):
-    path = report(run, "pdf")
-    pages = pypdf.PdfReader(path).pages
-    assert 4 <= len(pages) <= 9
-    for number, page in enumerate(pages, start=1):
-        assert [round(float(side) / 72 * 25.4) for side in page.mediabox[2:]] == [210, 297]
-        words = " ".join(page.extract_text().split())
-        assert f"Page {number} of {len(pages)}" in words
-        assert run.path.name in words
-        assert HOSTILE in words
-    everything = " ".join(page.extract_text() for page in pages)
-    for words in (
-        "PASS",
-        "Course of the run",
-        "Decision rule",
-        "Approved",
-        "schema: itb-bench/1",
-        "time since the run",
-    ):
-        assert words in everything
-    assert list(alternative_texts(pypdf.PdfReader(path).trailer["/Root"]["/StructTreeRoot"])) == ["Course of the run"]
-
-
-def alternative_texts(tag):
-    """Texts that a screen reader says for the figures in a part of the tree of tags."""
-    part = tag.get_object()
-    if isinstance(part, list):
-        for each in part:
-            yield from alternative_texts(each)
-    elif isinstance(part, dict):
-        if part.get("/S") == "/Figure":
-            yield part.get("/Alt")
-        yield from alternative_texts(part.get("/K", pypdf.generic.NullObject()))
-
-
-@pytest.mark.peer("pango")
-def test_equal_pages_are_equal_pdfs(monkeypatch):
-    clock = itertools.count(1.7e9, 10)  # embedded fonts state when they were written, to the second
-    monkeypatch.setattr(time, "time", lambda: next(clock))
-    page = "<!doctype html><html lang='en'><title>A page</title><p>PASS</p></html>"
-    assert pdf(page) == pdf(page)
 
 
 def test_json_is_what_the_run_was_closed_with(run):
@@ -142,12 +93,6 @@ def test_results_alone_are_nothing_when_the_data_cannot_be_evaluated(run, tmp_pa
             with pytest.raises(StoreError, match="is damaged"):
                 write_report(stored, form)
         assert "is damaged" in write_report(stored).read_text("utf-8")
-
-
-def test_without_weasyprint_it_is_told_what_to_install(run, monkeypatch):
-    monkeypatch.setitem(sys.modules, "weasyprint", None)
-    with pytest.raises(InputError, match=r"weasyprint is not installed; .* 'inertial-test-bench\[pdf\]'"):
-        report(run, "pdf")
 
 
 def test_every_form_of_a_report_has_its_name(run):

@@ -8,12 +8,12 @@ import subprocess
 import pytest
 
 from bench.errors import InputError
-from bench.report.write import pdf
 from bench.station.signoff.decisions import SignOff
 from bench.station.signoff.files import usable_key
 from bench.station.signoff.key import CREDENTIALS, KeyFiles, SignatureEntry, key_files
 from bench.station.storage.database import Database
 from bench.store.seal import file_hash
+from tests.support.paper import pdf_of
 from tests.support.signing import ISSUE, LABORATORY, approved
 from tests.support.signing import key_files as new_key
 
@@ -43,7 +43,6 @@ def signed(tmp_path_factory, shared_runs):
 
 
 @pytest.mark.lengthy
-@pytest.mark.peer("pango")
 def test_the_signed_file_is_the_one_that_is_bound_and_a_changed_byte_or_another_certificate_is_found(signed, tmp_path):
     found, file, certificate = signed
     assert found.binds[file.name] == file_hash(file)
@@ -61,7 +60,7 @@ def test_the_signed_file_is_the_one_that_is_bound_and_a_changed_byte_or_another_
 
 
 @pytest.mark.slow
-@pytest.mark.peer("pango", "pdfsig", "pdftotext")
+@pytest.mark.peer("pdfsig", "pdftotext")
 def test_pdfsig_finds_the_signature_valid_and_a_changed_byte(signed, tmp_path):
     _, file, _ = signed
     good = subprocess.run(["pdfsig", "-nocert", file], capture_output=True, text=True, check=True).stdout
@@ -78,12 +77,11 @@ def test_pdfsig_finds_the_signature_valid_and_a_changed_byte(signed, tmp_path):
     assert "Digest Mismatch" in bad
 
 
-@pytest.mark.peer("pango")
 def test_a_key_in_pkcs_12_signs_too(tmp_path):
     from bench.station.signoff.signature import Signer
 
     signer = Signer(new_key(tmp_path, b"open sesame", pkcs12=True))
-    content = signer.signed(pdf("<p>Report</p>"), by="boris", report="L3-2026-00001-ABCDE")
+    content = signer.signed(pdf_of("<p>Report</p>"), by="boris", report="L3-2026-00001-ABCDE")
     assert validated(content, tmp_path / "approvals.pem").bottom_line
 
 
