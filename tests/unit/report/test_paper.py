@@ -170,6 +170,8 @@ def test_what_is_long_is_broken_and_stays_between_the_margins(holder, long):
     in_body = [(left, height) for left, height in found if BOTTOM_MM < height < A4_MM[1] - TOP_MM]
     assert len(found) - len(in_body) == 4 * len(reader.pages)  # the texts in the margins of each page
     assert all(SIDE_MM - 1 < left < A4_MM[0] - SIDE_MM for left, _ in in_body)
+    lines = [line for page in reader.pages for line in page.extract_text().replace("\u200b", "").split("\n")]
+    assert max(map(len, lines)) < 160  # letters between the margins
     written = text_of(reader)
     for number in range(1, 1 + len(reader.pages)):
         for each in ("title", "number", "bench", f"{number} of {len(reader.pages)}"):
