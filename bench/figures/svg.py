@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -68,7 +68,7 @@ def drawing() -> Iterator[None]:
     with matplotlib.rc_context(), language(current() if font else ENGLISH):
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
-        matplotlib.rcParams["font.family"] = [*dict.fromkeys(["DejaVu Sans", font or "DejaVu Sans"])]
+        matplotlib.rcParams["font.family"] = [*dict.fromkeys([font or "DejaVu Sans", "DejaVu Sans"])]
         yield
 
 
@@ -84,8 +84,13 @@ def font_of(name: str) -> str | None:
                 font_manager.fontManager.addfont(path)
                 # matplotlib logs for each lookup that the font has only one weight.
                 logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
-                return font_manager.FontProperties(fname=path).get_name()
+                return chinese_face([each.name for each in font_manager.fontManager.ttflist if each.fname == str(path)])
     return None
+
+
+def chinese_face(names: Sequence[str]) -> str:
+    """The face of a collection of fonts that has the Chinese forms of characters (SC); the first of any other file."""
+    return next((name for name in names if name.endswith(" SC")), names[0])
 
 
 def new_figure(

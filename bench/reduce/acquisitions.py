@@ -178,9 +178,12 @@ class _BenchState:
             now = replace(now, mount=mount_of(bench, data["mount"]))
         if "input" in data:
             now = replace(now, input=data["input"], input_channel=data.get("input_channel", ""))
-        now = replace(now, sources_a=sources_on(now.sources_a, data))
-        now = replace(now, on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)))
-        return replace(now, set_c=float(data["set_point_c"])) if "set_point_c" in data else now
+        return replace(
+            now,
+            sources_a=sources_on(now.sources_a, data),
+            on_since_s=_supplies_on(now.on_since_s, data, (begun_s, event.at_s)),
+            set_c=float(data.get("set_point_c", now.set_c)),
+        )
 
     def moved(self, angles_deg: Mapping[str, float], sides: Mapping[str, str | None]) -> _BenchState:
         """State after a move of axes; the side of approach of an axis not in `sides` is unknown."""

@@ -327,6 +327,17 @@ def test_numbers_in_a_text_that_is_made_elsewhere_may_be_any():
     assert tr("largest residual of the model of degree 7") == "largest residual of the model of degree 7"
 
 
+@pytest.mark.parametrize(
+    ("names", "face"),
+    [
+        (["Noto Sans CJK JP", "Noto Sans CJK KR", "Noto Sans CJK SC", "Noto Sans CJK TC"], "Noto Sans CJK SC"),
+        (["WenQuanYi Zen Hei", "WenQuanYi Zen Hei Mono"], "WenQuanYi Zen Hei"),
+    ],
+)
+def test_figures_have_the_chinese_forms_of_characters(names, face):
+    assert svg.chinese_face(names) == face
+
+
 def test_without_a_font_the_figures_are_english_and_the_page_says_so(run, monkeypatch):
     svg.font_of.cache_clear()
     monkeypatch.setattr(svg, "FONTS", {"zh": ()})
