@@ -17,8 +17,8 @@ BENCH = Path(__file__).parents[2] / "config" / "imu.yaml"
 GOALS_S = {"html": 2.0, "pdf": 8.0}
 
 
-def measure(whole: bool) -> Iterator[Row]:
-    """Processor seconds of the command that reads the record of a night, reduces it and writes; always a whole night."""
+def measure(_whole: bool) -> Iterator[Row]:
+    """Processor seconds of the command that reads the record of a whole night, reduces it and writes."""
     with tempfile.TemporaryDirectory() as folder:
         request = RunRequest("imu_24_position", bench=str(BENCH), runs=Path(folder))
         result = execute(prepare(request), Quiet())
