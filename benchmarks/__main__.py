@@ -40,6 +40,7 @@ def main() -> int:
     if options.readme:
         into_readme()
         return 0
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # both sides would compile their modules at each start
     works = _known()
     for work in options.only or works_to_measure(works, whole=options.whole):
         rows = list(importlib.import_module(f"benchmarks.rows.{work}").measure(options.whole))
