@@ -26,7 +26,7 @@ def pdf(page: str) -> bytes:
     set, as with an image that is damaged.
     """
     typst = library()
-    fonts = Path(matplotlib.get_data_path(), "fonts", "ttf")  # the same on every computer; others by the system's
+    fonts = Path(matplotlib.get_data_path(), "fonts", "ttf")  # DejaVu, the same on every computer
     try:
         content: bytes = typst.compile({"main.typ": STYLE.read_bytes(), **_files(page)}, font_paths=[fonts])
     except typst.TypstError as problem:

@@ -179,6 +179,14 @@ def test_what_is_long_is_broken_and_stays_between_the_margins(holder, long):
     assert "".join(LONG[long].split()) in "".join(written.split())
 
 
+def test_a_line_of_chinese_does_not_begin_with_a_comma():
+    text = "测量结果，" * 200
+    lines = read(page_of(f"<p>{text}</p>", "zh")).pages[0].extract_text().split("\n")
+    of_text = [line for line in lines if "测量" in line]
+    assert len(of_text) > 5
+    assert [line for line in of_text if line.startswith("，")] == []
+
+
 def test_lines_of_a_message_stay_lines():
     reader = read(page_of('<div class="alert"><ul><li>sent: P?\ncame: ERR 7</li></ul></div>'))
     assert "sent: P?\ncame: ERR 7" in reader.pages[0].extract_text()
