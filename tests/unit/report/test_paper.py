@@ -187,6 +187,13 @@ def test_a_line_of_chinese_does_not_begin_with_a_comma():
     assert [line for line in of_text if line.startswith("，")] == []
 
 
+def test_a_chinese_head_of_a_narrow_column_is_not_set_letter_by_letter():
+    heads = ["读数：全程合并的分散性", *("inner:harmonics",) * 11]
+    text = read(page_of(table(heads, [["1.234"] * 12]), "zh")).pages[0].extract_text()
+    assert "的分散性" in text
+    assert [line for line in text.split("\n") if len(line) == 1] == []
+
+
 def test_lines_of_a_message_stay_lines():
     reader = read(page_of('<div class="alert"><ul><li>sent: P?\ncame: ERR 7</li></ul></div>'))
     assert "sent: P?\ncame: ERR 7" in reader.pages[0].extract_text()
