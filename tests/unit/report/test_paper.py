@@ -125,14 +125,14 @@ def test_its_title_and_language_are_those_of_the_page():
     assert reader.trailer["/Root"]["/Lang"] == "zh"
 
 
-def places(reader):
-    """Left end of every piece of text, and its height above the lower edge, in mm."""
+def pieces(reader):
+    """Every piece of text, with its left end and its height above the lower edge in mm."""
     found = []
 
     def seen(text, to_page, to_text, *_):
         if text.strip():
             left, height = pypdf.mult(to_text, to_page)[4:]
-            found.append((left / 72 * 25.4, height / 72 * 25.4))
+            found.append((text.strip(), left / 72 * 25.4, height / 72 * 25.4))
 
     for page in reader.pages:
         page.extract_text(visitor_text=seen)
@@ -150,10 +150,20 @@ def test_a_table_that_is_wider_than_the_paper_is_smaller():
     heads = [f"source{number}" for number in range(40)]
     reader = read(page_of(table(heads, [[f"{number}.123456" for number in range(40)]])))
     assert len(reader.pages) == 1
-    lefts = [left for left, _ in places(reader)]
+    lefts = [left for _, left, _ in pieces(reader)]
     assert max(lefts) < A4_MM[0] - SIDE_MM
     assert min(lefts) > SIDE_MM - 1
     assert [head for head in heads if head not in text_of(reader)] == []
+
+
+def test_a_row_with_a_wide_cell_makes_its_other_columns_wide_enough():
+    rows = (
+        f"<tr><td>x</td><td>y</td><td>{'words ' * 100}</td></tr>",
+        "<tr><td>version1.2.3</td><td colspan='2'>no certificate</td></tr>",
+    )
+    page = page_of(table(["a", "b", "c"], []).replace("<tbody>", f"<tbody>{''.join(rows)}"))
+    found = {text: left for text, left, _ in pieces(read(page))}
+    assert found["no certificate"] > found["version1.2.3"] + 15  # mm, the width of the text
 
 
 def test_the_head_of_a_table_is_on_every_page_of_it():
@@ -166,10 +176,10 @@ def test_the_head_of_a_table_is_on_every_page_of_it():
 @pytest.mark.parametrize("long", LONG)
 def test_what_is_long_is_broken_and_stays_between_the_margins(holder, long):
     reader = read(page_of(HOLDERS[holder].format(LONG[long])))
-    found = places(reader)
-    in_body = [(left, height) for left, height in found if BOTTOM_MM < height < A4_MM[1] - TOP_MM]
+    found = pieces(reader)
+    in_body = [left for _, left, height in found if BOTTOM_MM < height < A4_MM[1] - TOP_MM]
     assert len(found) - len(in_body) == 4 * len(reader.pages)  # the texts in the margins of each page
-    assert all(SIDE_MM - 1 < left < A4_MM[0] - SIDE_MM for left, _ in in_body)
+    assert all(SIDE_MM - 1 < left < A4_MM[0] - SIDE_MM for left in in_body)
     lines = [line for page in reader.pages for line in page.extract_text().replace("\u200b", "").split("\n")]
     assert max(map(len, lines)) < 160  # letters between the margins
     written = text_of(reader)
