@@ -16,6 +16,7 @@ from bench.errors import InputError
 from bench.reduce.stored_run import open_run
 from bench.report.paper import pdf
 from bench.report.write import write_report
+from bench.xml_text import xml_text
 from tests.support.paper import page_of
 from tests.support.runs import copy_bench, run_short
 
@@ -228,6 +229,16 @@ PIXEL = b"".join(
         chunk(b"IEND", b""),
     )
 )
+
+
+ALLOWED = [0x9, 0xA, 0x20, 0x7F, 0xD7FF, 0xE000, 0xFFFD, 0x10000, 0x10FFFF]
+NOT_ALLOWED = [0x0, 0x8, 0xB, 0xC, 0xE, 0x1F, 0xD800, 0xDFFF, 0xFFFE, 0xFFFF]
+
+
+def test_what_xml_does_not_allow_is_replaced_and_nothing_else():
+    for code in (*ALLOWED, *NOT_ALLOWED):
+        found = ElementTree.fromstring(f"<a>{xml_text(chr(code))}</a>").text
+        assert found == (chr(code) if code in ALLOWED else "\ufffd"), hex(code)
 
 
 def marked(content):
