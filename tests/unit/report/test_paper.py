@@ -5,11 +5,13 @@ import struct
 import sys
 import zlib
 from base64 import b64encode
+from functools import partial
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import pypdf
 import pytest
+import typst
 from markupsafe import escape
 
 from bench.errors import InputError
@@ -99,6 +101,11 @@ def test_the_page_is_well_formed_and_all_of_it_is_on_paper(run, paper):
 def test_a_figure_has_its_text_and_a_description(paper):
     assert "time since the run" in text_of(paper)
     assert list(alternative_texts(paper.trailer["/Root"]["/StructTreeRoot"])) == ["Course of the run"]
+
+
+def test_it_passes_the_checks_of_typst_for_pdf_ua(run, monkeypatch):
+    monkeypatch.setattr(typst, "compile", partial(typst.compile, pdf_standards=["ua-1"]))  # an error otherwise
+    assert b"pdfuaid" in pdf((run.path / "report.html").read_text("utf-8"))
 
 
 def alternative_texts(tag):
