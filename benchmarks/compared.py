@@ -9,6 +9,7 @@ from statistics import median
 from typing import Any
 
 ROUNDS = 5
+FROM_TWICE = "extrapolated from a part; from twice that part:"  # before the value that twice the part gives
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ STYLE: dict[Any, Any] = {
 }
 _NO_METADATA: dict[str, Any] = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _SIZE_AND_NAMESPACES = re.compile(r' (?:xmlns(?::xlink)?|width|height|version)="[^"]*"')
+_FIGURE = re.compile(r'<svg role="img" aria-label="(?P<what>[^"]*)".*?</svg>', re.DOTALL)  # as `rendered` writes it
 _IDS = re.compile(r'( id="| href="#|url\(#)')
 
 
@@ -118,3 +119,18 @@ def rendered(figure: Figure, name: str, description: str) -> Markup:
     attributes = _SIZE_AND_NAMESPACES.sub("", opening)
     svg = f'<svg role="img" aria-label="{escape(description)}"{attributes}>{content.rstrip()}'
     return Markup(svg)  # noqa: S704  matplotlib escapes the text in a figure
+
+
+def as_files(page: str) -> tuple[str, dict[str, str]]:
+    """Replace the figures of a page by images, and return it with their documents by file name.
+
+    The description of a figure becomes the alternative text of its image.
+    """
+    files: dict[str, str] = {}
+
+    def image(figure: re.Match[str]) -> str:
+        name = f"figure-{len(files)}.svg"
+        files[name] = figure[0].replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+        return f'<img alt="{figure["what"]}" src="{name}"/>'
+
+    return _FIGURE.sub(image, page), files

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.store.reader import RunReader
-from benchmarks.compared import Row, Side, in_turn
+from benchmarks.compared import FROM_TWICE, Row, Side, in_turn
 from benchmarks.night import night
 from benchmarks.peers import figures, version_of
 from benchmarks.timed_run import CONFIG, timed_run
@@ -96,7 +96,7 @@ def beside_peers(whole: bool) -> Row:
     peers = tuple(
         Side(
             title(each),
-            f"{PEERS[each][2]}; extrapolated from a part; from twice that part: {growth[each]:,.0f} s",
+            f"{PEERS[each][2]}; {FROM_TWICE} {growth[each]:,.0f} s",
             found[each],
         )
         for each in PEERS

@@ -28,7 +28,7 @@ from bench.store.decoder import Decoder, decoders_of
 from bench.store.reader import Frames, RunReader
 from bench.store.runs import BENCH_COPY
 from bench.store.writer import RunWriter
-from benchmarks.compared import Row, Side, in_turn
+from benchmarks.compared import FROM_TWICE, Row, Side, in_turn
 from benchmarks.night import night
 from benchmarks.peers import figures, version_of
 from drivers.can.frame_block import FrameBlock
@@ -186,7 +186,7 @@ def table_rows(spent: Mapping[str, Sequence[Spent]], raw_s: float, twice: Mappin
         sides = []
         for name, found in spent.items():
             kept = durability.get(name, "each block synced")
-            part = f"; extrapolated from a part; from twice that part: {twice[name][at]:,.1f}" if name in twice else ""
+            part = f"; {FROM_TWICE} {twice[name][at]:,.1f}" if name in twice else ""
             sides.append(Side(name or "this program", kept + part, tuple(each[at] for each in found)))
         goal = f"least, ≤ {MOST_BYTES:.0f} B" if at == 2 else "faster than each"
         row = Row("P4", what, "B" if at == 2 else "s", sides[0], tuple(sides[1:]), limit, goal, False)

@@ -88,7 +88,7 @@ def decode_samples(form: SampleFormat, block: FrameBlock, from_number: int | Non
     signal, kept = form.value.signal, words[usable]
     return Samples(
         sequence=numbers[usable],
-        tick=tick.raw(kept),
+        tick=ticks[usable],
         values=signal.physical(kept) if form.decoded else signal.raw(kept).astype(np.float64),
         host_s=block.at_s[rows[usable]],
         tick_bits=tick.length,
