@@ -37,7 +37,6 @@ SHOWN_FACTORS = {
     "K0": 1e6, "K1": 1, "K1_si": 1, "K2": 1e6, "misalignment": 1e6, "tilt/uncompensated": 1, "tilt/compensated": 1,
 }  # fmt: skip
 VALUE = re.compile(r"(-?\d+(?:\.\d+)?) ± (\d+(?:\.\d+)?)")
-EMPTY_TAGS = {"meta"}
 
 
 class Page(HTMLParser):
@@ -52,8 +51,7 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         self.handle_startendtag(tag, attributes)
-        if tag not in EMPTY_TAGS:
-            self._open.append(tag)
+        self._open.append(tag)
         if tag in ("section", "header", "div"):
             attributes = dict(attributes)
             self._part = attributes.get("id") or attributes.get("class") or tag
