@@ -64,7 +64,14 @@ def machine() -> str:
     cpus = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
     models = [line.partition(":")[2].strip() for line in cpus if line.startswith("model name")]
     model = models[0] if models else platform.machine()
-    return f"{os.cpu_count()} × {model}, Linux {platform.release()}, Python {platform.python_version()}"
+    return f"{os.cpu_count()} × {model}, Linux {platform.release()}, Python {platform.python_version()}{_maker()}"
+
+
+def _maker() -> str:
+    """The distribution that this interpreter comes with; interpreters built without profiles are a fifth slower."""
+    if Path(sys.executable).resolve().parent != Path("/usr/bin"):
+        return ""
+    return f" of {platform.freedesktop_os_release()['PRETTY_NAME']}"
 
 
 def into_readme() -> None:

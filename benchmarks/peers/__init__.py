@@ -19,14 +19,15 @@ ENVIRONMENTS = HERE.parents[1] / "build" / "peers"
 
 
 def python_of(name: str) -> Path:
-    """The interpreter of the environment `name`, made anew when its requirements have changed."""
-    folder, wanted = ENVIRONMENTS / name, (HERE / f"{name}.txt").read_text("utf-8")
+    """The interpreter of the environment `name`, made anew when its requirements or this interpreter have changed."""
+    folder, requirements = ENVIRONMENTS / name, HERE / f"{name}.txt"
+    wanted = f"{requirements.read_text('utf-8')}{Path(sys.executable).resolve()}, Python {sys.version}\n"
     python, mark = folder / "bin" / "python", folder / "made_from.txt"
     if not mark.exists() or mark.read_text("utf-8") != wanted:
         print(f"making the environment of {name} in {folder}", file=sys.stderr, flush=True)
         venv.create(folder, clear=True, with_pip=True)
         quiet: list[str | Path] = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        subprocess.run([*quiet, "-r", HERE / f"{name}.txt"], check=True)
+        subprocess.run([*quiet, "-r", requirements], check=True)
         mark.write_text(wanted, "utf-8")
     return python
 
