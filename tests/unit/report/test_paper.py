@@ -184,6 +184,7 @@ def test_what_is_long_is_broken_and_stays_between_the_margins(holder, long):
     assert "".join(LONG[long].split()) in "".join(written.split())
 
 
+@pytest.mark.peer("a Chinese font")
 def test_a_line_of_chinese_does_not_begin_with_a_comma():
     text = "测量结果，" * 200
     lines = read(page_of(f"<p>{text}</p>", "zh")).pages[0].extract_text().split("\n")
@@ -192,6 +193,7 @@ def test_a_line_of_chinese_does_not_begin_with_a_comma():
     assert [line for line in of_text if line.startswith("，")] == []
 
 
+@pytest.mark.peer("a Chinese font")
 def test_a_chinese_head_of_a_narrow_column_is_not_set_letter_by_letter():
     heads = ["读数：全程合并的分散性", *("inner:harmonics",) * 11]
     text = read(page_of(table(heads, [["1.234"] * 12]), "zh")).pages[0].extract_text()
