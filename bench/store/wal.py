@@ -93,7 +93,8 @@ def _has_salts(head: bytes, salts: list[int]) -> bool:
 
 def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
     """Return True if a sector of a frame may never have been written: blank, and outside the free part of its page."""
-    first_free, end_free = _free_part(data[begin + _FRAME : begin + _FRAME + page])
+    (number,) = struct.unpack(">I", data[begin : begin + 4])
+    first_free, end_free = _free_part(data[begin + _FRAME : begin + _FRAME + page], number)
     low, high = begin + _FRAME + first_free, begin + _FRAME + end_free
     for sector in range(begin - begin % _SECTOR, begin + _FRAME + page, _SECTOR):
         if not any(data[sector : sector + _SECTOR]) and not low <= sector <= sector + _SECTOR <= high:
@@ -101,9 +102,9 @@ def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
     return False
 
 
-def _free_part(content: bytes) -> tuple[int, int]:
+def _free_part(content: bytes, number: int) -> tuple[int, int]:
     """Return the byte range of a b-tree page between its pointers and its cells; empty for other pages."""
-    head = 100 if content.startswith(b"SQLite format 3\0") else 0
+    head = 100 if number == 1 else 0  # the header of the database
     kind, _, cells, begin, _ = struct.unpack(">B3HB", content[head : head + 8])
     if not kind:
         return 0, 0

@@ -22,7 +22,7 @@ COMMITS = 12
 
 @pytest.fixture
 def interrupted(tmp_path):
-    """What is left of a run of twelve commits whose process was killed."""
+    """What is left of a run of twelve commits whose process was killed; the last one makes the database longer."""
     live, folder = tmp_path / "live" / tmp_path.name, tmp_path / tmp_path.name
     live.mkdir(parents=True)
     (live / "manifest.json").write_text(json.dumps({"state": "running", "run": tmp_path.name, "units": []}))
@@ -33,7 +33,8 @@ def interrupted(tmp_path):
         draw = np.random.default_rng(1)
         for number in range(COMMITS):
             writer.event("step", str(number), value=number)
-            writer.readings("air", "°C", [Valid(float(number), float(value), 1) for value in draw.normal(20, 1, 50)])
+            values = draw.normal(20, 1, 50 if number < COMMITS - 1 else 500)
+            writer.readings("air", "°C", [Valid(float(number), float(value), 1) for value in values])
             await writer.commit()
         shutil.copytree(live, folder)
         writer.close()
@@ -63,7 +64,7 @@ def test_a_log_that_is_whole_says_nothing(interrupted):
 
 
 @pytest.mark.parametrize("frame", [0, -1])
-@pytest.mark.parametrize("at", [16, 24, 24 + 4095])  # the checksum, the head of the page, its last cell
+@pytest.mark.parametrize("at", [16, 24, 24 + 4095])  # the checksum, the head of the page or database, its last cell
 def test_a_flipped_bit_in_the_last_commit_is_damage(interrupted, frame, at):
     def flip(data):
         data[last_commit(data)[frame] + at] ^= 4
