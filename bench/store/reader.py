@@ -205,15 +205,22 @@ class RunReader:
         Up to two readings for each bin are returned unchanged.
         """
         number, unit = self._channel(name)
-        count, *span_s = next(self._rows(_SPAN_OF_READINGS, number))
+        count, begin_s, end_s = self._span(number)
         if count <= 2 * bins:
             return self.series(name)
-        return Series(name, unit, *envelope(self._parts(number), (span_s[0], span_s[1]), bins))
+        return Series(name, unit, *envelope(self._parts(number), (begin_s, end_s), bins))
 
     def _channel(self, name: str) -> tuple[int, str]:
         """Number and unit of a channel; 0 if there is none."""
         number, unit = next(self._rows("SELECT id, unit FROM channel WHERE name = ?", name), (0, ""))
         return number, unit
+
+    def _span(self, number: int) -> tuple[int, float, float]:
+        """Number of readings of a channel, and their first and last time; the times of none mean nothing."""
+        if (kept := self._kept.get(number)) is not None:
+            return len(kept), *((kept[:, 0].min(), kept[:, 0].max()) if len(kept) else (0.0, 0.0))
+        count, begin_s, end_s = next(self._rows(_SPAN_OF_READINGS, number))  # reads the whole table
+        return count, begin_s, end_s
 
     def _parts(self, number: int) -> Iterator[NDArray[np.float64]]:
         """Yield the readings of a channel in order, times and values (n, 2); those of a short channel are kept."""
