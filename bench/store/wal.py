@@ -104,7 +104,8 @@ def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
 
 def _free_part(content: bytes, number: int) -> tuple[int, int]:
     """Return the byte range of a b-tree page between its pointers and its cells; empty for other pages."""
-    head = 100 if number == 1 else 0  # the header of the database
+    has_header = number == 1 or content.startswith(b"SQLite format 3\0")  # one of both may be damaged
+    head = 100 if has_header else 0
     kind, _, cells, begin, _ = struct.unpack(">B3HB", content[head : head + 8])
     if not kind:
         return 0, 0

@@ -64,7 +64,7 @@ def test_a_log_that_is_whole_says_nothing(interrupted):
 
 
 @pytest.mark.parametrize("frame", [0, -1])
-@pytest.mark.parametrize("at", [16, 24, 24 + 4095])  # the checksum, the head of the page or database, its last cell
+@pytest.mark.parametrize("at", [3, 16, 24, 24 + 4095])  # number of the page, checksum, its header, its last cell
 def test_a_flipped_bit_in_the_last_commit_is_damage(interrupted, frame, at):
     def flip(data):
         data[last_commit(data)[frame] + at] ^= 4
