@@ -75,8 +75,10 @@ def test_while_much_arrives_the_loop_is_not_woken_for_each_text(monkeypatch: pyt
                 await asyncio.sleep(0.001)
             at_s = (await taken(link, 1200, 5.0)).at_s
             assert len(delivered) < 100, "of 300 portions"
-            assert (np.diff(at_s) >= 0).all()
-            assert np.diff(at_s).max() < READ_EVERY_S, "they are not all as late as the last one"
+            between_s = np.diff(at_s)
+            assert (between_s >= 0).all()
+            # Not the longest: a busy machine may stop the sender for as long as a portion.
+            assert np.median(between_s[between_s > 0]) < READ_EVERY_S / 2, "they are not all as late as the last one"
             await asyncio.sleep(5 * READ_EVERY_S)
             seen = len(delivered)
             server.send(0x101)
