@@ -180,7 +180,9 @@ def nominal_output(regressed: Regressed, sensor: str, over_temperature: Mapping[
 
     def beside(quantity: str, own: float) -> float:
         apart, left = (over_temperature.get(f"{quantity}/{what}", 0.0) for what in ("repeatability", "interpolation"))
-        return math.sqrt((max(apart**2 - 2 * own**2, 0.0) + max(left**2 - 1.5 * own**2, 0.0) / 16) / 3)
+        # Products, because a power that is too large for a float raises OverflowError.
+        of_visits, of_line = apart * apart - 2 * own * own, left * left - 1.5 * own * own
+        return math.sqrt((max(of_visits, 0.0) + max(of_line, 0.0) / 16) / 3)
 
     per_knot = 1 / np.sqrt(regressed.visits)
     return NominalOutput(
