@@ -180,7 +180,7 @@ def nominal_output(regressed: Regressed, sensor: str, over_temperature: Mapping[
 
     def beside(quantity: str, own: float) -> float:
         apart, left = (over_temperature.get(f"{quantity}/{what}", 0.0) for what in ("repeatability", "interpolation"))
-        # Products, because a power that is too large for a float raises OverflowError.
+        # Products: beyond the range of a float they are infinite, where a power raises OverflowError.
         of_visits, of_line = apart * apart - 2 * own * own, left * left - 1.5 * own * own
         return math.sqrt((max(of_visits, 0.0) + max(of_line, 0.0) / 16) / 3)
 

@@ -62,6 +62,11 @@ def compensation(nominal):
     return Compensation("acc_x", "pulse/s", "g", scale, offset, nominal=nominal)
 
 
+def test_differences_whose_square_is_no_float_make_the_uncertainty_infinite():
+    for what in ("repeatability", "interpolation"):
+        assert nominal_output(regressed(), "acc", {f"K0/{what}": 1e200}).offset_beside_u == np.inf
+
+
 def test_an_output_is_regressed_with_the_uncertainty_of_the_difference_from_the_nominal_temperature():
     known = compensation(NominalOutput(10.0, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), 0.05, 0.5))
     output, at_c = np.array([15 + 1005 * 0.5, 20 + 1010 * 0.5, 35.0]), np.array([5.0, 10.0, 60.0])
