@@ -216,10 +216,10 @@ class RunReader:
         return number, unit
 
     def _span(self, number: int) -> tuple[int, float, float]:
-        """Number of readings of a channel, and their first and last time; the times of none mean nothing."""
-        if (kept := self._kept.get(number)) is not None:
-            return len(kept), *((kept[:, 0].min(), kept[:, 0].max()) if len(kept) else (0.0, 0.0))
-        count, begin_s, end_s = next(self._rows(_SPAN_OF_READINGS, number))  # reads the whole table
+        """Return the number of readings of a channel, and their first and last time, undefined if there are none."""
+        if (kept := self._kept.get(number)) is not None and len(kept):
+            return len(kept), kept[:, 0].min(), kept[:, 0].max()
+        count, begin_s, end_s = next(self._rows(_SPAN_OF_READINGS, number))  # scans the whole table
         return count, begin_s, end_s
 
     def _parts(self, number: int) -> Iterator[NDArray[np.float64]]:

@@ -63,14 +63,15 @@ def unreadable_part(wal: Path) -> UnreadablePart | None:
         return None
     last = frames[read:]
     complete = lost == 1 and last[-1].commits and tail == len(data) and all(frame.of_log for frame in last)
-    written = not any(_is_unwritten(data, frame.begin, page) for frame in last if not frame.right)
+    written = not any(_is_unwritten(data, frame, page) for frame in last if not frame.right)
     return UnreadablePart(lost, damage=lost > 1 or (complete and written))
 
 
 class _Frame(NamedTuple):
-    """One frame: offset, whether it belongs to this log and ends a commit, and whether its checksum is right."""
+    """One frame: offset, number of its page, whether it is of this log and ends a commit, and if its sum is right."""
 
     begin: int
+    number: int
     of_log: bool
     commits: bool
     right: bool
@@ -79,11 +80,11 @@ class _Frame(NamedTuple):
 def _frames(data: bytes, page: int, total: Sum, salts: list[int], order: str) -> Iterator[_Frame]:
     for begin, end in pairwise(range(_HEADER, len(data) + 1, _FRAME + page)):
         head = data[begin : begin + _FRAME]
-        _, commit, *_, first, second = struct.unpack(">6I", head)
+        number, commit, *_, first, second = struct.unpack(">6I", head)
         of_log = _has_salts(head, salts)
         found = _sum(_sum(total, head[:8], order), data[begin + _FRAME : end], order) if of_log else None
         total = (first, second)
-        yield _Frame(begin, of_log, of_log and commit > 0, found == total)
+        yield _Frame(begin, number, of_log, of_log and commit > 0, found == total)
 
 
 def _has_salts(head: bytes, salts: list[int]) -> bool:
@@ -91,12 +92,12 @@ def _has_salts(head: bytes, salts: list[int]) -> bool:
     return len(head) == _FRAME and list(struct.unpack(">6I", head)[2:4]) == salts
 
 
-def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
+def _is_unwritten(data: bytes, frame: _Frame, page: int) -> bool:
     """Return True if a sector of a frame may never have been written: blank, and outside the free part of its page."""
-    (number,) = struct.unpack(">I", data[begin : begin + 4])
-    first_free, end_free = _free_part(data[begin + _FRAME : begin + _FRAME + page], number)
-    low, high = begin + _FRAME + first_free, begin + _FRAME + end_free
-    for sector in range(begin - begin % _SECTOR, begin + _FRAME + page, _SECTOR):
+    begin, end = frame.begin + _FRAME, frame.begin + _FRAME + page
+    first_free, end_free = _free_part(data[begin:end], frame.number)
+    low, high = begin + first_free, begin + end_free
+    for sector in range(frame.begin - frame.begin % _SECTOR, end, _SECTOR):
         if not any(data[sector : sector + _SECTOR]) and not low <= sector <= sector + _SECTOR <= high:
             return True
     return False
@@ -104,7 +105,7 @@ def _is_unwritten(data: bytes, begin: int, page: int) -> bool:
 
 def _free_part(content: bytes, number: int) -> tuple[int, int]:
     """Return the byte range of a b-tree page between its pointers and its cells; empty for other pages."""
-    has_header = number == 1 or content.startswith(b"SQLite format 3\0")  # one of both may be damaged
+    has_header = number == 1 or content.startswith(b"SQLite format 3\0")  # either may be damaged
     head = 100 if has_header else 0
     kind, _, cells, begin, _ = struct.unpack(">B3HB", content[head : head + 8])
     if not kind:
