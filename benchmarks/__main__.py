@@ -68,7 +68,7 @@ def machine() -> str:
 
 
 def _maker() -> str:
-    """The distribution that this interpreter comes with; those built without optimisation by profiles are slower."""
+    """Return " of " and the distribution that ships this interpreter; "" for another one, which may be slower."""
     if Path(sys.executable).resolve().parent != Path("/usr/bin"):
         return ""
     return f" of {platform.freedesktop_os_release()['PRETTY_NAME']}"

@@ -19,7 +19,7 @@ ENVIRONMENTS = HERE.parents[1] / "build" / "peers"
 
 
 def python_of(name: str) -> Path:
-    """The interpreter of the environment `name`, made anew when its requirements or this interpreter have changed."""
+    """The interpreter of the environment `name`, which is rebuilt if its requirements or this interpreter change."""
     folder, requirements = ENVIRONMENTS / name, HERE / f"{name}.txt"
     wanted = f"{requirements.read_text('utf-8')}{Path(sys.executable).resolve()}, Python {sys.version}\n"
     python, mark = folder / "bin" / "python", folder / "made_from.txt"

@@ -22,7 +22,7 @@ COMMITS = 12
 
 @pytest.fixture
 def interrupted(tmp_path):
-    """What is left of a run of twelve commits whose process was killed; the last one makes the database longer."""
+    """Files of a run whose process was killed after twelve commits; the last commit also changes the first page."""
     live, folder = tmp_path / "live" / tmp_path.name, tmp_path / tmp_path.name
     live.mkdir(parents=True)
     (live / "manifest.json").write_text(json.dumps({"state": "running", "run": tmp_path.name, "units": []}))
@@ -64,7 +64,7 @@ def test_a_log_that_is_whole_says_nothing(interrupted):
 
 
 @pytest.mark.parametrize("frame", [0, -1])
-@pytest.mark.parametrize("at", [3, 16, 24, 24 + 4095])  # number of the page, checksum, its header, its last cell
+@pytest.mark.parametrize("at", [3, 16, 24, 24 + 4095])  # page number, checksum, header of the page, its last cell
 def test_a_flipped_bit_in_the_last_commit_is_damage(interrupted, frame, at):
     def flip(data):
         data[last_commit(data)[frame] + at] ^= 4
