@@ -1,8 +1,9 @@
 """A pytest plugin: processor time of each folder of tests beside its budget in tests/budget.toml.
 
 Processor time is that of this process and of the children it has waited for, because a busy machine makes tests longer
-but costs them little of it. A slower machine makes it longer too, in all folders: if many are run, each is compared
-with the median of all. A folder that costs more than MARGIN times its budget then fails the run.
+but costs them little of it. A slower machine makes it longer too, and so does a measurement of coverage, in all
+folders: each is compared with the median of all, and one that costs more than MARGIN times its budget fails the run.
+Where few folders are run, nothing shows the speed of the machine, and their budgets are shown only.
 
 As a program, `python -m tests.support.budget PART`, it prints the folders that have tests of a part.
 """
@@ -40,14 +41,14 @@ def folder_of(test: str, part: str) -> str | None:
 
 
 def above(spent: Spent) -> list[str]:
-    """Return a line for each folder that has cost too much, or that has no budget."""
+    """Return a line for each folder that has cost too much, where the machine's speed is known, or has no budget."""
     lines, pace = [], pace_of(spent)
     for part, tests in spent.items():
         for folder, seconds in _by_folder(tests, part).items():
             if folder is None:
                 without = next(test for test in tests if folder_of(test, part) is None)
                 lines.append(f"{without} is in no folder of [{part}] in tests/budget.toml; give its folder a budget")
-            elif seconds > MARGIN * pace * BUDGETS[part][folder]:
+            elif pace is not None and seconds > MARGIN * pace * BUDGETS[part][folder]:
                 lines.append(
                     f"tests/{folder} ({part}) took {seconds:.0f} s of processor time of {BUDGETS[part][folder]:g} s: "
                     "make its tests cheaper (--durations=20 lists the longest), or give it more in tests/budget.toml"
@@ -55,15 +56,15 @@ def above(spent: Spent) -> list[str]:
     return lines
 
 
-def pace_of(spent: Spent) -> float:
-    """Return how much longer than their budgets folders take here, at least 1; 1 if few are run."""
+def pace_of(spent: Spent) -> float | None:
+    """Return how much longer than their budgets folders take here, at least 1; None if few are run."""
     shares = [
         seconds / BUDGETS[part][folder]
         for part, tests in spent.items()
         for folder, seconds in _by_folder(tests, part).items()
         if folder is not None
     ]
-    return max(1.0, median(shares)) if len(shares) >= MANY else 1.0
+    return max(1.0, median(shares)) if len(shares) >= MANY else None
 
 
 def _by_folder(tests: dict[str, float], part: str) -> dict[str | None, float]:
