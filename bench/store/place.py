@@ -7,8 +7,9 @@ import os
 import sqlite3
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
-from bench.clock import Stopwatch, wall_utc
+from bench.clock import Stopwatch
 from bench.errors import StoreError
 from bench.files import make_folder
 from bench.store.chain import Link, check_rows
@@ -16,7 +17,13 @@ from bench.store.user_state import state_folder
 
 RESCUED = "rescued"  # subfolder for records of runs whose directory was removed
 LOOK_EVERY_S = 1.0
-SAME_TICK_S = 0.05  # two changes of a folder within a tick of the clock of the kernel may have the same time
+
+
+class Loss(NamedTuple):
+    """A folder or file that is no longer at its path, or a file that was truncated."""
+
+    path: Path
+    is_truncated: bool = False
 
 
 class WatchedFiles:
@@ -30,36 +37,30 @@ class WatchedFiles:
     def __init__(self, folder: Path, names: Iterable[str]) -> None:
         self._path, self._inodes = folder, {name: _inode(folder / name) for name in names}
         self._files = {str(folder / name): inode for name, inode in self._inodes.items()}
-        self._grows, self._size = next(iter(self._files)), 0
+        self._first, self._size = next(iter(self._files.items())), 0
         self._folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        self._unchanged: tuple[int, int, int] | None = None  # `_entries` of the folder when all files were last there
         self._looked = Stopwatch()
 
-    def missing(self) -> Path | None:
-        """Return the folder or file that is no longer at its path, or None if all are there.
+    def lost(self) -> Loss | None:
+        """Return what was moved, removed or replaced, or truncated since the last call; None if all is there.
 
-        The files are checked when the folder has changed, and every second. Checking the log in every commit makes a
-        commit a tenth slower: since Linux 6.13, the write that follows `stat` of a file has to update its time stamps.
+        The first file is checked in each call, and with it the path to the folder; the others every second. Checking
+        the log in every commit makes a commit a tenth slower: since Linux 6.13, the write that follows `stat` of a file
+        has to update its time stamps.
         """
-        folder = _entries(self._path)
-        if folder is not None and folder == self._unchanged and self._looked.elapsed_s() < LOOK_EVERY_S:
+        path, inode = self._first
+        found = _stat(path)
+        is_there = found is not None and (found.st_dev, found.st_ino) == inode
+        if not is_there or self._looked.elapsed_s() >= LOOK_EVERY_S:
+            self._looked = Stopwatch()
+            gone = [each for each, known in self._files.items() if _inode(each) != known]
+            if gone:
+                return Loss(self._path if len(gone) == len(self._files) else Path(gone[0]))
+        if found is None:  # it was there again a moment later
             return None
-        gone = [path for path, inode in self._files.items() if _inode(path) != inode]
-        is_conclusive = folder is not None and not gone and wall_utc().timestamp() - folder[2] / 1e9 > SAME_TICK_S
-        self._unchanged, self._looked = folder if is_conclusive else None, Stopwatch()
-        if not gone:
-            return None
-        return self._path if len(gone) == len(self._files) else Path(gone[0])
-
-    def truncated(self) -> Path | None:
-        """Return the first file if it has shrunk since the last call, else None."""
-        found = _stat(self._grows)
-        if found is None:  # reported by `missing`
-            return None
-        size = found.st_size
-        if size < self._size:
-            return Path(self._grows)
-        self._size = size
+        if found.st_size < self._size:
+            return Loss(Path(path), is_truncated=True)
+        self._size = found.st_size
         return None
 
     def found(self) -> Path | None:
@@ -112,12 +113,6 @@ def rescue_database(database: sqlite3.Connection, run: str, file: str, last: Lin
 def _inode(path: Path | str) -> tuple[int, int] | None:
     found = _stat(path)
     return None if found is None else (found.st_dev, found.st_ino)
-
-
-def _entries(folder: Path) -> tuple[int, int, int] | None:
-    """Device and inode of a folder, and when an entry of it last changed, in ns; None if it is gone."""
-    found = _stat(folder)
-    return None if found is None else (found.st_dev, found.st_ino, found.st_mtime_ns)
 
 
 def _stat(path: Path | str) -> os.stat_result | None:

@@ -68,7 +68,7 @@ class RunWriter:
             self._database.close()
             raise StoreError(f"{folder}: the run store cannot write ({problem})") from problem
         self._place = WatchedFiles(folder, (database.FILE_NAME, database.LOG_NAME))
-        self._place.truncated()  # initialise the size to compare with
+        self._place.lost()  # initialise the size to compare with
         self.on_failure: Callable[[StoreError], object] = lambda _: None
         self._is_noted = noted
         self._noted: Stopwatch | None = None
@@ -220,11 +220,14 @@ class RunWriter:
     def _write(self, group: _Group, tickets: Sequence[asyncio.Future[None]]) -> None:
         """Write one transaction; answer its tickets when it is durable, or with the failure."""
         self._is_writing = True
-        self._try(self._check_size, self._place)  # before SQLite extends a truncated file
+        lost = self._place.lost()
+        if lost is not None and lost.is_truncated:  # SQLite would extend the file again
+            self._try(self._rescue_truncated, lost.path)
         if group.rows:
             self._try(self._append, group)
             self._note()
-        self._try(self._check_folder, self._place)
+        if lost is not None:
+            self._try(self._follow, lost.path)
         self._commits, self._is_writing = self._commits + 1, False
         self._answer(tickets)
 
@@ -275,12 +278,9 @@ class RunWriter:
             self._failure = failure
         self.on_failure(failure)
 
-    def _check_folder(self, place: WatchedFiles) -> None:
-        """Fail if the directory was moved or removed; `folder` is then the location of the record."""
-        missing = place.missing()
-        if missing is None:
-            return
-        lost, found = self.folder, place.found()
+    def _follow(self, missing: Path) -> None:
+        """Fail because the directory was moved, or something of it removed; `folder` is now where the record is."""
+        lost, found = self.folder, self._place.found()
         if found is not None:
             self.folder = found
             self._fail(StoreError(f"the run directory {lost} was moved to {found} during the run; its record is there"))
@@ -293,11 +293,8 @@ class RunWriter:
         what = f"the run directory {lost}" if missing == lost else str(missing)
         self._fail(StoreError(f"{what} was removed during the run; {kept}"))
 
-    def _check_size(self, place: WatchedFiles) -> None:
-        """Fail if the database was truncated; `folder` is then the location of the rescued record, if there is one."""
-        truncated = place.truncated()
-        if truncated is None:
-            return
+    def _rescue_truncated(self, truncated: Path) -> None:
+        """Fail because the database was truncated; `folder` is now that of the rescued record, if there is one."""
         try:
             self.folder = rescue_database(self._database, self.folder.name, database.FILE_NAME, self._link)
             kept = f"everything recorded until then is in {self.folder}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sqlite3
-import time
 from contextlib import closing
 
 import pytest
@@ -14,7 +13,7 @@ from bench.loop import AS_FAST_AS_POSSIBLE, run
 from bench.quality import Valid
 from bench.store import database
 from bench.store.chain import Link, check_rows
-from bench.store.place import RESCUED, WatchedFiles, rescue, rescue_database
+from bench.store.place import RESCUED, Loss, WatchedFiles, rescue, rescue_database
 from bench.store.user_state import state_folder
 from bench.store.writer import RunWriter
 
@@ -42,63 +41,42 @@ def watched(folder):
     found.close()
 
 
-def test_a_record_that_is_there_is_not_missing(watched, folder):
-    assert (watched.missing(), watched.found()) == (None, folder)
+def test_nothing_is_lost_of_a_record_that_is_there(watched, folder):
+    assert (watched.lost(), watched.found()) == (None, folder)
 
 
 def test_a_file_that_is_gone_or_replaced_is_named(watched, folder):
-    (folder / "log").unlink()
-    assert (watched.missing(), watched.found()) == (folder / "log", None)
     other = folder / "other"
     other.write_bytes(b"another")
     other.rename(folder / "data")
-    (folder / "log").write_bytes(b"another")
-    assert watched.missing() in (folder, folder / "data")  # the log may have its old inode again
-
-
-def test_files_are_looked_at_when_the_folder_has_changed_and_every_second(watched, folder, monkeypatch):
-    long_ago_s = folder.stat().st_mtime - 10
-    os.utime(folder, (long_ago_s, long_ago_s))
-    assert watched.missing() is None
-    (folder / "log").unlink()
-    assert watched.missing() == folder / "log"
-    (folder / "log").write_bytes(b"")
-    found = WatchedFiles(folder, NAMES)
-    os.utime(folder, (long_ago_s, long_ago_s))
-    assert found.missing() is None
-    (folder / "log").unlink()
-    os.utime(folder, (long_ago_s, long_ago_s))  # as if nothing had changed
-    assert found.missing() is None
-    monkeypatch.setattr("bench.store.place.LOOK_EVERY_S", 0.0)
-    assert found.missing() == folder / "log"
-    found.close()
-
-
-def test_a_file_removed_within_a_tick_of_the_last_check_is_noticed(watched, folder):
-    changed_s = time.time()
-    os.utime(folder, (changed_s, changed_s))
-    assert watched.missing() is None
-    (folder / "log").unlink()
-    os.utime(folder, (changed_s, changed_s))  # the kernel gives both changes the same time
-    assert watched.missing() == folder / "log"
-
-
-def test_a_folder_that_is_moved_is_missing_and_found(watched, folder):
-    moved = folder.rename(folder.with_name("moved"))
-    assert (watched.missing(), watched.found()) == (folder, moved)
-
-
-def test_a_file_that_has_shrunk_is_named_until_it_has_grown_again(watched, folder):
-    assert watched.truncated() is None
-    os.truncate(folder / "data", 7)
-    assert watched.truncated() == folder / "data"
-    assert watched.truncated() == folder / "data"
-    os.truncate(folder / "data", 9)
-    assert watched.truncated() is None
-    os.truncate(folder / "log", 0)
-    assert watched.truncated() is None
+    assert (watched.lost(), watched.found()) == (Loss(folder / "data"), None)
     (folder / "data").unlink()
-    assert watched.truncated() is None
+    assert watched.lost() == Loss(folder / "data")
+    (folder / "log").unlink()
+    assert watched.lost() == Loss(folder)
+
+
+def test_the_first_file_is_looked_at_each_time_and_the_others_every_second(watched, folder, monkeypatch):
+    (folder / "log").unlink()
+    assert watched.lost() is None
+    monkeypatch.setattr("bench.store.place.LOOK_EVERY_S", 0.0)
+    assert watched.lost() == Loss(folder / "log")
+
+
+def test_a_folder_that_is_moved_is_lost_and_found(watched, folder):
+    moved = folder.rename(folder.with_name("moved"))
+    assert (watched.lost(), watched.found()) == (Loss(folder), moved)
+
+
+def test_a_first_file_that_has_shrunk_is_named_until_it_has_grown_again(watched, folder):
+    assert watched.lost() is None
+    os.truncate(folder / "data", 7)
+    assert watched.lost() == Loss(folder / "data", is_truncated=True)
+    assert watched.lost() == Loss(folder / "data", is_truncated=True)
+    os.truncate(folder / "data", 9)
+    assert watched.lost() is None
+    os.truncate(folder / "log", 0)
+    assert watched.lost() is None
 
 
 def test_who_has_closed_it_finds_it_no_more(watched, folder):
