@@ -1,12 +1,15 @@
 """Opened devices of a bench: access by role; opening and making safe in parallel, closing in reverse order."""
 
+# mypy: disable-error-code=type-abstract
+# `Rig._device` does not construct the protocols that it is given
+
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import AsyncExitStack
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, Self, TypeVar, cast
 
 from bench.config.devices import DeviceEntry
 from bench.config.models import BenchFile
@@ -18,6 +21,8 @@ from drivers.person import NO_OPERATOR, Person
 from drivers.timing.awake import fair_timeout
 from drivers.transport.wires import Wires
 from drivers.values import Identity
+
+T = TypeVar("T")
 
 MAKE_SAFE_S = 10.0  # for a device without a known limit
 OWN_LIMIT_S = 2.0  # beyond the limit of a driver, so that its own error comes first
@@ -54,6 +59,7 @@ class Rig:
         self.identities: dict[str, Identity] = {}
         self.not_reached: dict[str, str] = {}
         self.held: set[str] = set()
+        self._checked: dict[tuple[str, type], Device] = {}  # devices known to be of a kind
         self._open = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
@@ -112,52 +118,40 @@ class Rig:
 
     def positioner(self, role: str) -> Positioner:
         """Return the device of a role as a positioner; checked plans request only matching roles."""
-        device = self.devices[role]
-        if not isinstance(device, Positioner):
-            raise TypeError(f"{role} is not a positioner")
-        return device
+        return self._device(role, Positioner, "is not a positioner")
 
     def table(self, role: str) -> RateTable:
         """Return the device of a role as a rate table."""
-        device = self.devices[role]
-        if not isinstance(device, RateTable):
-            raise TypeError(f"{role} is not a rate table")
-        return device
+        return self._device(role, RateTable, "is not a rate table")
 
     def chamber(self, role: str) -> ThermalChamber:
         """Return the device of a role as a thermal chamber."""
-        device = self.devices[role]
-        if not isinstance(device, ThermalChamber):
-            raise TypeError(f"{role} is not a thermal chamber")
-        return device
+        return self._device(role, ThermalChamber, "is not a thermal chamber")
 
     def source(self, role: str) -> Source:
         """Return the device of a role as a supply or current source."""
-        device = self.devices[role]
-        if not isinstance(device, Source):
-            raise TypeError(f"{role} is not a source")
-        return device
+        return self._device(role, Source, "is not a source")
 
     def counter(self, role: str) -> PulseCounter:
         """Return the device of a role as a pulse counter."""
-        device = self.devices[role]
-        if not isinstance(device, PulseCounter):
-            raise TypeError(f"{role} is not a pulse counter")
-        return device
+        return self._device(role, PulseCounter, "is not a pulse counter")
 
     def frame_source(self, role: str) -> FrameSource:
         """Return the device of a role as a source of frames: a pulse counter, or telemetry."""
-        device = self.devices[role]
-        if not isinstance(device, FrameSource):
-            raise TypeError(f"{role} sends no frames")
-        return device
+        return self._device(role, FrameSource, "sends no frames")
 
     def meter(self, role: str) -> Meter:
         """Return the device of a role as a voltmeter or ammeter."""
+        return self._device(role, Meter, "is not a meter")
+
+    def _device(self, role: str, kind: type[T], otherwise: str) -> T:
+        """Return the device of a role. Raises TypeError unless it is of a kind: the role, then `otherwise`."""
         device = self.devices[role]
-        if not isinstance(device, Meter):
-            raise TypeError(f"{role} is not a meter")
-        return device
+        if self._checked.get((role, kind)) is not device:  # kinds are protocols: every member of them is looked up
+            if not isinstance(device, kind):
+                raise TypeError(f"{role} {otherwise}")
+            self._checked[role, kind] = device
+        return cast(T, device)
 
     @property
     def safe_within_s(self) -> float:

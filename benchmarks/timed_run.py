@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from unittest.mock import patch
 
 from bench.app import execute as app
 from bench.app.request import RunRequest, prepare
+from bench.cli.collection import uncollected
 from bench.loop import run as run_loop
 from bench.runner.quiet import Quiet
 
@@ -27,8 +29,14 @@ class Timed:
 
 
 def timed_run(sequence: str | Path, bench: str | Path, runs: Path, settings: tuple[str, ...] = ()) -> Timed:
-    """Do a run in virtual time. Raises SystemExit with its problems if it does not complete."""
-    prepared = prepare(RunRequest(str(sequence), bench=str(bench), settings=settings, runs=runs, no_report=True))
+    """Do a run in virtual time. Raises SystemExit with its problems if it does not complete.
+
+    As in a program of its own: what an earlier run has left is no garbage of this one.
+    """
+    gc.unfreeze()
+    gc.collect()
+    with uncollected():
+        prepared = prepare(RunRequest(str(sequence), bench=str(bench), settings=settings, runs=runs, no_report=True))
     took: list[float] = []
 
     def measured(*given: Any) -> Any:

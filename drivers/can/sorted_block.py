@@ -97,7 +97,10 @@ def merged(block: FrameBlock, other: FrameBlock) -> FrameBlock:
         whole = FrameBlock.joined([block, other])
         return whole.at(np.argsort(whole.at_s, kind="stable"))
     before = block.at_s.searchsorted(other.at_s, side="right")  # frames of the first before each of the other
-    inserted = np.arange(len(other) + 1).repeat(np.diff(before, prepend=0, append=len(block)))
-    messages = {kind: Sent(sent.rows + inserted.take(sent.rows), sent.words) for kind, sent in ours.items()}
-    messages |= {kind: Sent(sent.rows + before.take(sent.rows), sent.words) for kind, sent in theirs.items()}
-    return SortedBlock(np.insert(block.at_s, before, other.at_s), messages)
+    their_rows = np.arange(len(other)) + before
+    our_rows = np.arange(len(block)) + np.arange(len(other) + 1).repeat(np.diff(before, prepend=0, append=len(block)))
+    messages = {kind: Sent(our_rows.take(sent.rows), sent.words) for kind, sent in ours.items()}
+    messages |= {kind: Sent(their_rows.take(sent.rows), sent.words) for kind, sent in theirs.items()}
+    at_s = np.empty(len(block) + len(other))
+    at_s[our_rows], at_s[their_rows] = block.at_s, other.at_s
+    return SortedBlock(at_s, messages)

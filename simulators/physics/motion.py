@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,9 +35,8 @@ class AxisErrors:
 
     def with_map(self, error_deg: Angles, angle_deg: Angles) -> Angles:
         """An error plus those of the error map and the table at the angles."""
-        turn = np.radians(angle_deg)
-        for order, (cosine, sine) in enumerate(zip(self.cosines, self.sines, strict=True), start=1):
-            error_deg = error_deg + (cosine * np.cos(order * turn) + sine * np.sin(order * turn))
+        for cosine, sine, (along, across) in zip(self.cosines, self.sines, _multiples(angle_deg), strict=False):
+            error_deg = error_deg + (cosine * along + sine * across)
         return error_deg + correction_deg(angle_deg, self.table) if self.table[0] else error_deg
 
 
@@ -164,12 +164,13 @@ class Axis:
             return np.zeros_like(at_s), np.zeros_like(at_s)
         rate_dps, change_dps2 = self._profile.rates_dps(at_s), self._profile.accelerations_dps2(at_s)
         slope, bend_per_deg = np.ones_like(at_s), np.zeros_like(at_s)
-        angle = np.radians(self._profile.angle_deg(at_s))
-        for order, (cosine, sine) in enumerate(zip(self._errors.cosines, self._errors.sines, strict=True), start=1):
+        multiples = enumerate(_multiples(self._profile.angle_deg(at_s)), start=1)
+        for cosine, sine, (order, (along, across)) in zip(
+            self._errors.cosines, self._errors.sines, multiples, strict=False
+        ):
             per_deg = np.radians(order)
-            wave, turned = np.cos(order * angle), np.sin(order * angle)
-            slope += per_deg * (sine * wave - cosine * turned)
-            bend_per_deg -= per_deg**2 * (cosine * wave + sine * turned)
+            slope += per_deg * (sine * along - cosine * across)
+            bend_per_deg -= per_deg**2 * (cosine * along + sine * across)
         return rate_dps * slope, change_dps2 * slope + rate_dps**2 * bend_per_deg
 
     def _begin(self, profile: Profile) -> None:
@@ -181,3 +182,13 @@ class Axis:
         if self._from_above:
             total += errors.backlash_deg
         return errors.with_map(total, angle_deg)
+
+
+def _multiples(angle_deg: Angles) -> Iterator[tuple[Angles, Angles]]:
+    """Cosines and sines of angles, and of twice, three times and further multiples of them, without end."""
+    turn = np.radians(angle_deg)
+    x, y = np.cos(turn), np.sin(turn)
+    along, across = x, y
+    while True:
+        yield along, across
+        along, across = along * x - across * y, along * y + across * x
