@@ -41,7 +41,7 @@ class Fixture:
         turned = turn(SOUTH, np.atleast_1d(np.asarray(level_deg, np.float64)))
         for axis, angle_deg in zip(self.axes, angles_deg, strict=True):
             turned = turned @ turn(axis, angle_deg)
-        return np.asarray(self._body() @ turned.transpose(0, 2, 1))
+        return np.asarray(_body(self.x, self.z) @ turned.transpose(0, 2, 1))
 
     def rate(self, angles_deg: Sequence[Array], rates_dps: Sequence[Array]) -> Array:
         """Angular rate of the fixture relative to the level frame, in the fixture's frame, °/s, (n, 3)."""
@@ -50,7 +50,7 @@ class Fixture:
         for axis, angle_deg, rate_dps in zip(self.axes, angles_deg, rates_dps, strict=True):
             total += (turned @ np.array(axis)) * rate_dps[:, np.newaxis]
             turned = turned @ turn(axis, angle_deg)
-        return np.asarray(np.einsum("ij,nkj,nk->ni", self._body(), turned, total))
+        return np.asarray(np.einsum("ij,nkj,nk->ni", _body(self.x, self.z), turned, total))
 
     def turning(
         self, angles_deg: Sequence[Array], rates_dps: Sequence[Array], changes_dps2: Sequence[Array]
@@ -67,12 +67,14 @@ class Fixture:
             change = change + along * np.radians(change_dps2)[:, np.newaxis] + np.cross(velocity, own)
             velocity = velocity + own
             turned = turned @ turn(axis, angle_deg)
-        to_fixture = self._body() @ turned.transpose(0, 2, 1)
+        to_fixture = _body(self.x, self.z) @ turned.transpose(0, 2, 1)
         return (to_fixture @ velocity[..., np.newaxis])[..., 0], (to_fixture @ change[..., np.newaxis])[..., 0]
 
-    def _body(self) -> Array:
-        """Rows are the axes of the fixture in the level frame while all angles are 0."""
-        return np.array([self.x, np.cross(self.z, self.x), self.z])
+
+@lru_cache(maxsize=64)
+def _body(x: Vector, z: Vector) -> Array:
+    """Rows are the axes of a fixture in the level frame while all angles are 0."""
+    return np.array([x, np.cross(z, x), z])
 
 
 def tilted(fixture: Fixture, base_deg: Vector, apart_deg: Sequence[tuple[float, float]]) -> Fixture:
@@ -133,14 +135,17 @@ def to_unit(mount: Mount, own_deg: float, own_clock_deg: float = 0.0) -> Array:
 
 def turn(axis: Vector, angle_deg: Array) -> Array:
     """Rotation matrices about a unit vector by angles (n,), (n, 3, 3), by Rodrigues' formula."""
-    sine, cosine = np.sin(np.radians(angle_deg)), np.cos(np.radians(angle_deg))
+    turned, one = np.radians(angle_deg), np.newaxis
+    along, across, cross = _rodrigues(axis)
+    return np.asarray(along + np.cos(turned)[:, one, one] * across + np.sin(turned)[:, one, one] * cross)
+
+
+@lru_cache(maxsize=64)
+def _rodrigues(axis: Vector) -> tuple[Array, Array, Array]:
+    """Parts of a rotation about a unit vector: the constant one, and those in proportion to cosine and sine."""
     x, y, z = axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     along = np.outer(axis, axis)
-    one = np.newaxis
-    return np.asarray(
-        cosine[:, one, one] * (np.eye(3) - along) + sine[:, one, one] * cross + np.ones_like(sine)[:, one, one] * along
-    )
+    return along, np.eye(3) - along, np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def raised(angle_deg: float) -> Array:

@@ -31,6 +31,7 @@ class ImuTemperatures:
     ) -> None:
         self._accelerometers, self._gyros, self._room_c = accelerometers, gyros, room_c
         self._shares = np.array(model.to_room.shares)
+        self.has_gradients = bool(self._shares.any())  # whether the sensors of a triad have different temperatures
 
     def follow(self, now_s: float, powered: bool) -> None:
         """Follow the chamber, which is computed up to now."""
@@ -40,11 +41,6 @@ class ImuTemperatures:
     def corners_s(self, begin_s: float, end_s: float) -> Array:
         """Times from the begin to the end between which all temperatures are straight."""
         return self._accelerometers.course.corners_s(begin_s, end_s)
-
-    @property
-    def has_gradients(self) -> bool:
-        """True if the sensors of a triad have different temperatures."""
-        return bool(self._shares.any())
 
     def sensors_c(self, at_s: Array) -> Array:
         """Temperature of each of CHANNELS at times (k,): (6, k)."""
