@@ -15,6 +15,7 @@ VERSION = 3
 READABLE = (1, 2, 3)  # format 1 has no chain, format 2 no blocks by message
 FILE_NAME = "run.db"
 LOG_NAME = f"{FILE_NAME}-wal"
+LOG_BYTES = 2**22  # a little more than the 1000 pages after which SQLite begins its log anew
 TABLES = {"journal": 5, "block": 8, "channel": 3, "reading": 4, "sample": 5}  # number of columns of each table
 CHAIN = "chain"
 CHAIN_COLUMNS = 2 + len(TABLES)
@@ -42,9 +43,20 @@ def create(path: Path) -> sqlite3.Connection:
         with closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
             _make_commits_durable(database, path)
             database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
-    except sqlite3.Error as problem:
+            _write_zeros(path.with_name(f"{path.name}-wal"))
+    except (sqlite3.Error, OSError) as problem:
         raise StoreError(f"{path}: cannot be created ({problem})") from problem
     return database
+
+
+def _write_zeros(log: Path) -> None:
+    """Make the log as long as it becomes, with zeros behind its frames: lengthening a file costs a commit time.
+
+    SQLite reads as far as there are frames. It has no locks on its log that closing the file would release; those of
+    WAL mode are on the index beside it: https://www.sqlite.org/walformat.html#the_wal_index_file_format.
+    """
+    with log.open("ab") as file:
+        file.write(bytes(LOG_BYTES - file.tell()))
 
 
 def reopen(path: Path) -> sqlite3.Connection:

@@ -3,6 +3,7 @@
 SQLite reads the log up to the first frame with a wrong checksum. Checksums are continued from frame to frame, so that
 each frame can also be checked by itself. After a power cut only the last commit is wrong: frames are missing, or
 sectors were never written. Commits after a wrong one are damage, and so is a wrong commit without an unwritten sector.
+Zeros after the last frame are the part of the log that is still unused.
 """
 
 from __future__ import annotations
@@ -58,11 +59,13 @@ def unreadable_part(wal: Path) -> UnreadablePart | None:
     read = max((number + 1 for number, frame in enumerate(frames[:bad]) if frame.commits), default=0)
     behind = [number for number, frame in enumerate(frames) if number >= bad and frame.of_log]
     lost = sum(frames[number].commits for number in behind)
-    tail = _HEADER + len(frames) * (_FRAME + page)
-    if not behind and (bad < len(frames) or not _has_salts(data[tail : tail + _FRAME], salts)):
-        return None
-    last = frames[read:]
-    complete = lost == 1 and last[-1].commits and tail == len(data) and all(frame.of_log for frame in last)
+    if not behind:
+        tail = _HEADER + len(frames) * (_FRAME + page)
+        is_cut = bad == len(frames) and _has_salts(data[tail : tail + _FRAME], salts)
+        return UnreadablePart(0, damage=False) if is_cut else None
+    last = frames[read : behind[-1] + 1]
+    end = last[-1].begin + _FRAME + page
+    complete = lost == 1 and last[-1].commits and not any(data[end:]) and all(frame.of_log for frame in last)
     written = not any(_is_unwritten(data, frame, page) for frame in last if not frame.right)
     return UnreadablePart(lost, damage=lost > 1 or (complete and written))
 

@@ -20,8 +20,8 @@ HEADER = 32
 COMMITS = 12
 
 
-@pytest.fixture
-def interrupted(tmp_path):
+@pytest.fixture(params=["of full length", "that ends with its last frame"])
+def interrupted(tmp_path, request):
     """Files of a run whose process was killed after twelve commits; the last commit also changes the first page."""
     live, folder = tmp_path / "live" / tmp_path.name, tmp_path / tmp_path.name
     live.mkdir(parents=True)
@@ -40,12 +40,24 @@ def interrupted(tmp_path):
         writer.close()
 
     asyncio.run(main())
+    if request.param == "that ends with its last frame":
+        altered(folder, lambda data: data.__delitem__(slice(end_of(data), None)))
     return folder
+
+
+def frames_of(data):
+    """The frames of a log, by where they begin: those with its salts."""
+    begins = range(HEADER, len(data), FRAME)
+    return [begin for begin in begins if data[begin + 8 : begin + 16] == data[16:24]]
+
+
+def end_of(data):
+    return frames_of(data)[-1] + FRAME
 
 
 def last_commit(data):
     """The frames of the last commit, by where they begin."""
-    begins = list(range(HEADER, len(data), FRAME))
+    begins = frames_of(data)
     ends = [begin for begin in begins if struct.unpack(">I", data[begin + 4 : begin + 8])[0]]
     return [begin for begin in begins if begin > ends[-2]]
 
@@ -77,14 +89,21 @@ def test_a_flipped_bit_in_the_last_commit_is_damage(interrupted, frame, at):
 @pytest.mark.parametrize("salt", [8, 13])
 def test_a_flipped_salt_in_the_middle_is_damage(interrupted, salt):
     def flip(data):
-        data[HEADER + len(data) // 2 // FRAME * FRAME + salt] ^= 1
+        begins = frames_of(data)
+        data[begins[len(begins) // 2] + salt] ^= 1
 
     record = altered(interrupted, flip)
     assert any("commits cannot be read" in each for each in record.damage)
 
 
 def blank_last_sector(data):
-    data[-512:] = bytes(512)
+    end = end_of(data)
+    data[end - 512 : end] = bytes(512)
+
+
+def blank_from_within_a_frame(data):
+    begin = last_commit(data)[-1] + 512
+    data[begin:] = bytes(len(data) - begin)
 
 
 def cut_in_a_frame(data):
@@ -92,25 +111,36 @@ def cut_in_a_frame(data):
 
 
 def cut_by_a_byte(data):
-    del data[-1:]
+    del data[end_of(data) - 1 :]
 
 
 def old_frames_behind(data):
-    data[-700] ^= 1
-    data += bytes(data[HEADER : HEADER + 8]) + b"old salt" + bytes(data[HEADER + 16 : HEADER + FRAME])
+    end = end_of(data)
+    data[end - 700] ^= 1
+    data[end : end + FRAME] = data[HEADER : HEADER + 8] + b"old salt" + data[HEADER + 16 : HEADER + FRAME]
 
 
-@pytest.mark.parametrize("cut", [blank_last_sector, cut_in_a_frame, cut_by_a_byte, old_frames_behind])
+CUTS = [blank_last_sector, blank_from_within_a_frame, cut_in_a_frame, cut_by_a_byte, old_frames_behind]
+
+
+@pytest.mark.parametrize("cut", CUTS)
 def test_what_a_power_cut_may_have_left_is_a_remark(interrupted, cut):
     record = altered(interrupted, cut)
     assert (record.commits, record.damage) == (COMMITS - 1, ())
     assert any("After a power cut, that commit was never acknowledged" in each for each in record.remarks)
 
 
-def test_frames_without_a_commit_are_what_a_killed_process_leaves(interrupted):
-    def cut(data):
-        del data[last_commit(data)[-1] :]
+def cut_at_a_frame(data):
+    del data[last_commit(data)[-1] :]
 
+
+def blank_from_a_frame_on(data):
+    begin = last_commit(data)[-1]
+    data[begin:] = bytes(len(data) - begin)
+
+
+@pytest.mark.parametrize("cut", [cut_at_a_frame, blank_from_a_frame_on])
+def test_frames_without_a_commit_are_what_a_killed_process_leaves(interrupted, cut):
     record = altered(interrupted, cut)
     assert (record.commits, record.damage, record.remarks) == (COMMITS - 1, (), ())
 

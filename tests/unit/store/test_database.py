@@ -77,3 +77,13 @@ def test_what_is_no_database_is_not_read(path):
     path.write_bytes(b"no database" * 500)
     assert told(open_to_read, path) == f"{path}: cannot be read (file is not a database)"
     assert told(open_to_read, path.with_name("gone")).startswith(f"{path.with_name('gone')}: ")
+
+
+def test_a_commit_overwrites_the_log_and_does_not_make_it_longer(path):
+    log = path.with_name(database.LOG_NAME)
+    with closing(database.create(path)) as made:
+        assert log.stat().st_size == database.LOG_BYTES
+        for number in range(1500):  # SQLite begins its log anew after 1000 pages
+            made.execute("INSERT INTO journal VALUES (?, 0.0, '', '', '{}')", (number,))
+        used = len(log.read_bytes().rstrip(b"\0"))
+        assert (log.stat().st_size, used > 0.9 * database.LOG_BYTES) == (database.LOG_BYTES, True)

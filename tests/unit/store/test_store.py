@@ -4,7 +4,6 @@ import asyncio
 import fcntl
 import json
 import os
-import resource
 import signal
 import sqlite3
 import subprocess
@@ -296,10 +295,15 @@ def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path):
         assert blocks == kept
 
 
-def test_a_full_disk_ends_the_run_store_and_keeps_what_was_committed(tmp_path):
-    script = tmp_path / "writer.py"
+FILE_LIMIT = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))"
+
+
+@pytest.mark.parametrize("from_the_beginning", [False, True])
+def test_a_full_disk_ends_the_run_store_and_keeps_what_was_committed(tmp_path, from_the_beginning):
+    script, made = tmp_path / "writer.py", "writer = RunWriter(Path(sys.argv[1]))"
+    limited = [FILE_LIMIT, made] if from_the_beginning else [made, FILE_LIMIT]
     script.write_text(
-        textwrap.dedent(WRITER).replace(
+        textwrap.dedent(WRITER.replace(made, "\n        ".join(limited))).replace(
             "asyncio.run(main())",
             textwrap.dedent("""
         from bench.errors import StoreError
@@ -310,13 +314,14 @@ def test_a_full_disk_ends_the_run_store_and_keeps_what_was_committed(tmp_path):
     """),
         )
     )
-    limit = 400_000
     done = subprocess.run(
         [sys.executable, script, tmp_path], capture_output=True, text=True, check=False, timeout=50,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
     )  # fmt: skip
     lines = done.stdout.splitlines()
+    if from_the_beginning:
+        assert lines == [f"FAILED {tmp_path / 'run.db'}: cannot be created ([Errno 27] File too large)"], done.stderr
+        return
     assert lines[-1].startswith("FAILED the run store cannot write"), done.stderr
     acknowledged = int(lines[-2])
     with RunReader(tmp_path) as reader:
