@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 
@@ -22,6 +24,8 @@ TIMES = 10
 TIMES_REAL_TIME = 10_000
 MORE = 1.2  # of the time of the tumble, for the night of an inertial unit
 NIGHTS = 3  # of each kind
+CHANNELS, RATE_HZ = 6, 100.0
+BLOCK = 6000  # latches of a channel that the simulated counter computes at once between movements: 60 s
 DURABLE = "each step synced, frames within 1 s"
 AXES = 3  # each attitude is a move of each of them
 PEERS: dict[str, tuple[str, str, str, tuple[str, ...], float]] = {
@@ -62,19 +66,31 @@ def whole_nights() -> Iterator[Row]:
             hours[kind] = took.bench_s / HOUR_S
             return took.bench_s / took.wall_s
 
-        found = in_turn({kind: partial(times, kind) for kind in hours}, NIGHTS)
+        found = in_turn({**{kind: partial(times, kind) for kind in hours}, "noise": noise_of_an_hour_s}, NIGHTS)
     tumble, unit = (Side("this program", DURABLE, found[kind]) for kind in hours)
-    more = hours["unit"] / unit.value * tumble.value / hours["tumble"]
+    tumble_s, unit_s = (HOUR_S * hours[kind] / side.value for kind, side in (("tumble", tumble), ("unit", unit)))
     yield _speed(f"a tumble of {hours['tumble']:.0f} h", tumble)
-    what = f"a night of M2 of {hours['unit']:.0f} h, six channels at 100 Hz: {more:.1f} × the time of the tumble"
-    yield _speed(what, unit, f" and ≤ {MORE} × the time", is_met=more <= MORE)
+    more, noise_s = unit_s / tumble_s, hours["unit"] * median(found["noise"])
+    what = f"a night of M2 of {hours['unit']:.0f} h, six channels at 100 Hz: {more:.2f} × the time of the tumble"
+    least = hours["unit"] / hours["tumble"] + noise_s / tumble_s
+    limit = f"as many hours of a tumble, and {noise_s:.2f} s to draw the noise of all samples: {least:.2f} × its time"
+    yield _speed(what, unit, limit, f" and ≤ {MORE} × the time", is_met=more <= MORE)
 
 
-def _speed(work: str, side: Side, goal: str = "", *, is_met: bool = True) -> Row:
+def noise_of_an_hour_s() -> float:
+    """Time in s that NumPy takes to draw the noise of an hour of all channels, as much at once as a simulated block."""
+    draws, block = np.random.default_rng(0), np.empty(BLOCK)
+    begun_s = time.perf_counter()
+    for _ in range(round(CHANNELS * RATE_HZ * HOUR_S / BLOCK)):
+        draws.standard_normal(out=block)
+    return time.perf_counter() - begun_s
+
+
+def _speed(work: str, side: Side, limit: str = "", goal: str = "", *, is_met: bool = True) -> Row:
     """Row of a speed: met if it reaches TIMES_REAL_TIME, and if the further goal `is_met`."""
     fast = side.value >= TIMES_REAL_TIME
     goal = f"≥ {TIMES_REAL_TIME:,} ×{goal}"
-    return Row("P1", work, "× real time", side, (), "", goal, fast and is_met, lower_is_better=False)
+    return Row("P1", work, "× real time", side, (), limit, goal, fast and is_met, lower_is_better=False)
 
 
 def beside_peers(whole: bool) -> Row:
