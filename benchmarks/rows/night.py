@@ -23,7 +23,6 @@ HOUR_S = 3600.0
 TIMES = 10
 TIMES_REAL_TIME = 10_000
 MORE = 1.2  # of the time of the tumble, for the night of an inertial unit
-NIGHTS = 3  # of each kind
 CHANNELS, RATE_HZ = 6, 100.0
 BLOCK = 6000  # latches of a channel that the simulated counter computes at once between movements: 60 s
 DURABLE = "each step synced, frames within 1 s"
@@ -66,7 +65,7 @@ def whole_nights() -> Iterator[Row]:
             hours[kind] = took.bench_s / HOUR_S
             return took.bench_s / took.wall_s
 
-        found = in_turn({**{kind: partial(times, kind) for kind in hours}, "noise": noise_of_an_hour_s}, NIGHTS)
+        found = in_turn({**{kind: partial(times, kind) for kind in hours}, "noise": noise_of_an_hour_s})
     tumble, unit = (Side("this program", DURABLE, found[kind]) for kind in hours)
     tumble_s, unit_s = (HOUR_S * hours[kind] / side.value for kind, side in (("tumble", tumble), ("unit", unit)))
     yield _speed(f"a tumble of {hours['tumble']:.0f} h", tumble)
