@@ -118,38 +118,38 @@ class Rig:
 
     def positioner(self, role: str) -> Positioner:
         """Return the device of a role as a positioner; checked plans request only matching roles."""
-        return self._device(role, Positioner, "is not a positioner")
+        return self._device(role, Positioner)
 
     def table(self, role: str) -> RateTable:
         """Return the device of a role as a rate table."""
-        return self._device(role, RateTable, "is not a rate table")
+        return self._device(role, RateTable)
 
     def chamber(self, role: str) -> ThermalChamber:
         """Return the device of a role as a thermal chamber."""
-        return self._device(role, ThermalChamber, "is not a thermal chamber")
+        return self._device(role, ThermalChamber)
 
     def source(self, role: str) -> Source:
         """Return the device of a role as a supply or current source."""
-        return self._device(role, Source, "is not a source")
+        return self._device(role, Source)
 
     def counter(self, role: str) -> PulseCounter:
         """Return the device of a role as a pulse counter."""
-        return self._device(role, PulseCounter, "is not a pulse counter")
+        return self._device(role, PulseCounter)
 
     def frame_source(self, role: str) -> FrameSource:
         """Return the device of a role as a source of frames: a pulse counter, or telemetry."""
-        return self._device(role, FrameSource, "sends no frames")
+        return self._device(role, FrameSource)
 
     def meter(self, role: str) -> Meter:
         """Return the device of a role as a voltmeter or ammeter."""
-        return self._device(role, Meter, "is not a meter")
+        return self._device(role, Meter)
 
-    def _device(self, role: str, kind: type[T], otherwise: str) -> T:
-        """Return the device of a role. Raises TypeError unless it is of a kind: the role, then `otherwise`."""
+    def _device(self, role: str, kind: type[T]) -> T:
+        """Return the device of a role. Raises TypeError unless it is of a kind; the checks of a plan prevent this."""
         device = self.devices[role]
         if self._checked.get((role, kind)) is not device:  # kinds are protocols: every member of them is looked up
             if not isinstance(device, kind):
-                raise TypeError(f"{role} {otherwise}")
+                raise TypeError(f"{role} is not a {kind.__name__}")
             self._checked[role, kind] = device
         return cast(T, device)
 

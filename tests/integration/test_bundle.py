@@ -6,11 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
-import tarfile
 
 import pytest
 
 from tests.support.runs import ROOT
+from tests.support.unpacked import unpack
 
 pytestmark = [pytest.mark.integration, pytest.mark.slow, pytest.mark.timeout(900)]
 WITHOUT_NETWORK = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh"]
@@ -35,8 +35,7 @@ def unpacked(tmp_path_factory):
         pytest.skip(f"the wheels cannot be downloaded: {made.stderr[-300:]}")
     assert made.returncode == 0, made.stderr
     (archive,) = folder.glob("inertial-test-bench-*.tar")
-    with tarfile.open(archive) as found:
-        found.extractall(folder, filter="data")
+    unpack(archive, folder)
     archive.unlink()
     (unpacked,) = folder.iterdir()
     return unpacked

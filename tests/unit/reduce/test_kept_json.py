@@ -1,7 +1,6 @@
 """JSON files of a run that somebody has edited: refused in words, whatever stands in them."""
 
 import json
-import tarfile
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from bench.report.write import write_report
 from bench.runner.tell import send_command
 from bench.store.manifest_form import WHOLE_MANIFEST
 from bench.store.runs import list_runs, summary
+from tests.support.unpacked import unpack
 
 FORMATS = Path(__file__).parents[2] / "formats"
 WRONG = ("7", 7, -1.5, True, None, [], [1], {}, {"a": 1}, [[]], "\x00", "x" * 10**6)
@@ -25,8 +25,7 @@ TEXTS = ("", "{", "[]", "null", "7", '"x"', "{}", "[" * 10**5, '{"a":' * 10**5, 
 @pytest.fixture
 def folder(tmp_path):
     """A run of a format without a seal, of which the form of its manifest is all that protects it."""
-    with tarfile.open(FORMATS / "v1_finished.tar.xz") as archive:
-        archive.extractall(tmp_path, filter="data")
+    unpack(FORMATS / "v1_finished.tar.xz", tmp_path)
     return tmp_path / "run_v1_finished"
 
 

@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import sqlite3
-import tarfile
 from contextlib import closing
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from bench.store.verify import examine
 from bench.store.writer import RunWriter
 from drivers.can.frame_block import FrameBlock
 from tests.support.runs import run_short, sealed_anew
+from tests.support.unpacked import unpack
 
 FORMATS = Path(__file__).parents[2] / "formats"
 COMMITS = 20
@@ -102,8 +102,7 @@ def test_a_run_that_was_interrupted_is_intact_to_its_last_row_and_not_sealed(int
 
 def kept(version, folder):
     """A run of an earlier format, as its program left it."""
-    with tarfile.open(FORMATS / f"{version}.tar.xz") as archive:
-        archive.extractall(folder, filter="data")
+    unpack(FORMATS / f"{version}.tar.xz", folder)
     return folder / f"run_{version}"
 
 
