@@ -31,7 +31,7 @@ class Timed:
 def timed_run(sequence: str | Path, bench: str | Path, runs: Path, settings: tuple[str, ...] = ()) -> Timed:
     """Do a run in virtual time. Raises SystemExit with its problems if it does not complete.
 
-    As in a program of its own: what an earlier run has left is no garbage of this one.
+    Objects of earlier runs are collected first, so that the run starts as in a new process.
     """
     gc.unfreeze()
     gc.collect()

@@ -43,17 +43,22 @@ def create(path: Path) -> sqlite3.Connection:
         with closed_on_error(sqlite3.connect(path, isolation_level=None, check_same_thread=False)) as database:
             _make_commits_durable(database, path)
             database.executescript(f"BEGIN; {_SCHEMA} PRAGMA user_version={VERSION}; COMMIT;")
-            _write_zeros(path.with_name(f"{path.name}-wal"))
+            _extend(log_of(path))
     except (sqlite3.Error, OSError) as problem:
         raise StoreError(f"{path}: cannot be created ({problem})") from problem
     return database
 
 
-def _write_zeros(log: Path) -> None:
-    """Make the log as long as it becomes, with zeros behind its frames: lengthening a file costs a commit time.
+def log_of(path: Path) -> Path:
+    """Path of SQLite's log beside a database."""
+    return path.with_name(f"{path.name}-wal")
 
-    SQLite reads as far as there are frames. It has no locks on its log that closing the file would release; those of
-    WAL mode are on the index beside it: https://www.sqlite.org/walformat.html#the_wal_index_file_format.
+
+def _extend(log: Path) -> None:
+    """Append zeros to the log up to LOG_BYTES, because a commit that extends a file takes longer.
+
+    SQLite ignores them. Closing the file releases no lock: in WAL mode, locks are on the index beside the log
+    (https://www.sqlite.org/walformat.html#the_wal_index_file_format).
     """
     with log.open("ab") as file:
         file.write(bytes(LOG_BYTES - file.tell()))
@@ -128,7 +133,7 @@ def _why_empty(path: Path) -> str:
     """Return the reason why a database has no tables; its first rows are in the log beside it for a long time."""
     if not path.stat().st_size:
         return "it is empty: its content was deleted, or the run was killed before its first commit"
-    log = path.with_name(f"{path.name}-wal")
+    log = log_of(path)
     if not log.exists() or (log.is_file() and not log.stat().st_size):  # SQLite makes an empty one
         return (
             f"there is no log {log.name} beside it: it was deleted, with all its rows, or the run was killed "

@@ -20,7 +20,7 @@ LOOK_EVERY_S = 1.0
 
 
 class Loss(NamedTuple):
-    """A folder or file that is no longer at its path, or a file that was truncated."""
+    """A folder or file that is missing from its path, or a file that was truncated."""
 
     path: Path
     is_truncated: bool = False
@@ -42,11 +42,12 @@ class WatchedFiles:
         self._looked = Stopwatch()
 
     def lost(self) -> Loss | None:
-        """Return what was moved, removed or replaced, or truncated since the last call; None if all is there.
+        """Return the folder or file that is missing from its path, or a truncated first file; None if there is none.
 
-        The first file is checked in each call, and with it the path to the folder; the others every second. Checking
-        the log in every commit makes a commit a tenth slower: since Linux 6.13, the write that follows `stat` of a file
-        has to update its time stamps.
+        A file that was replaced is missing. Truncated means shorter than at the last call. Each call checks the first
+        file, and thus the path of the folder; the other files are checked every second. Checking the log in every
+        commit makes a commit a tenth slower: since Linux 6.13, the write that follows `stat` of a file has to update
+        its time stamps.
         """
         path, inode = self._first
         found = _stat(path)

@@ -253,7 +253,7 @@ class RunReader:
 
     def ignores_log(self) -> bool:
         """Return True if there is a log beside the database that SQLite ignores, as when the first page is damaged."""
-        log = self.folder / f"{database.FILE_NAME}-wal"
+        log = self.folder / database.LOG_NAME
         return log.is_file() and log.stat().st_size > 0 and next(self._rows("PRAGMA journal_mode"))[0] != "wal"
 
     @cached_property

@@ -152,7 +152,7 @@ def _others(folder: Path, known: Collection[str], by: str) -> list[str]:
 
 def _unread(folder: Path) -> tuple[list[str], list[str]]:
     """Return the damage of the log beside the database, and remarks on what damage or a power cut can explain."""
-    log = folder / f"{database.FILE_NAME}-wal"
+    log = folder / database.LOG_NAME
     try:
         unread = unreadable_part(log)
     except OSError as problem:

@@ -3,7 +3,7 @@
 SQLite reads the log up to the first frame with a wrong checksum. Checksums are continued from frame to frame, so that
 each frame can also be checked by itself. After a power cut only the last commit is wrong: frames are missing, or
 sectors were never written. Commits after a wrong one are damage, and so is a wrong commit without an unwritten sector.
-Zeros after the last frame are the part of the log that is still unused.
+The log is created with its full length: zeros after the last frame are space that is not used yet.
 """
 
 from __future__ import annotations

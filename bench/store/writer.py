@@ -279,28 +279,28 @@ class RunWriter:
         self.on_failure(failure)
 
     def _follow(self, missing: Path) -> None:
-        """Fail because the directory was moved, or something of it removed; `folder` is now where the record is."""
+        """Fail because the directory was moved, or part of it removed; `folder` is then the location of the record."""
         lost, found = self.folder, self._place.found()
         if found is not None:
             self.folder = found
             self._fail(StoreError(f"the run directory {lost} was moved to {found} during the run; its record is there"))
             return
-        try:
-            self.folder = rescue(self._database, lost.name, database.FILE_NAME)
-            kept = f"everything recorded until then is in {self.folder}"
-        except StoreError as problem:
-            kept = str(problem)
+        kept = self._rescued(partial(rescue, self._database, lost.name, database.FILE_NAME))
         what = f"the run directory {lost}" if missing == lost else str(missing)
         self._fail(StoreError(f"{what} was removed during the run; {kept}"))
 
     def _rescue_truncated(self, truncated: Path) -> None:
-        """Fail because the database was truncated; `folder` is now that of the rescued record, if there is one."""
-        try:
-            self.folder = rescue_database(self._database, self.folder.name, database.FILE_NAME, self._link)
-            kept = f"everything recorded until then is in {self.folder}"
-        except StoreError as problem:
-            kept = str(problem)
+        """Fail because the database was truncated."""
+        kept = self._rescued(partial(rescue_database, self._database, self.folder.name, database.FILE_NAME, self._link))
         self._fail(StoreError(f"{truncated} was truncated during the run; {kept}"))
+
+    def _rescued(self, copy: Callable[[], Path]) -> str:
+        """Copy the database, and return in words what could be kept; `folder` is then that of the copy, if any."""
+        try:
+            self.folder = copy()
+        except StoreError as problem:
+            return str(problem)
+        return f"everything recorded until then is in {self.folder}"
 
     def _insert(self, rows: Mapping[str, Sequence[Row]]) -> None:
         execute = self._database.cursor().execute

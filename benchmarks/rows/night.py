@@ -77,7 +77,7 @@ def whole_nights() -> Iterator[Row]:
 
 
 def noise_of_an_hour_s() -> float:
-    """Time in s that NumPy takes to draw the noise of an hour of all channels, as much at once as a simulated block."""
+    """Time in s that NumPy takes to draw the noise of all channels for an hour, in the blocks of the simulation."""
     draws, block = np.random.default_rng(0), np.empty(BLOCK)
     begun_s = time.perf_counter()
     for _ in range(round(CHANNELS * RATE_HZ * HOUR_S / BLOCK)):

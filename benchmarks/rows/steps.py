@@ -25,7 +25,7 @@ steps:
     steps: [note: Nothing.]
 """
 OWN_CPU_US = 120
-OWN_ROUNDS = 15  # of processor time: one differs from another by a third, by which processor each thread wakes on
+OWN_ROUNDS = 15  # for processor time, which differs by a third with the processor that each thread wakes on
 DURABLE = "each step synced"
 PEERS: dict[str, tuple[str, str, *tuple[str, ...]]] = {
     "bluesky, plain device": ("bluesky", "bluesky_steps.py", "2000", "plain"),

@@ -96,7 +96,7 @@ def _read(expression: str) -> _Read:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # syntax that a later Python will reject, such as 1if
             tree = ast.parse(expression.strip(), mode="eval").body
-    except (SyntaxError, ValueError):  # ValueError before Python 3.11.4, for a character of code 0
+    except (SyntaxError, ValueError):  # ValueError for a NUL character before Python 3.11.4
         bare = _BARE_QUANTITY.search(_QUOTED.sub("", expression))
         expected = f"a quantity stands in quotes: '{bare[0]}'" if bare else _UNDERSTOOD
         raise ValueProblem(f"is not an expression; {expected}") from None

@@ -41,7 +41,7 @@ def interrupted(tmp_path, request):
 
     asyncio.run(main())
     if request.param == "that ends with its last frame":
-        altered(folder, lambda data: data.__delitem__(slice(end_of(data), None)))
+        altered(folder, cut_unused)
     return folder
 
 
@@ -53,6 +53,10 @@ def frames_of(data):
 
 def end_of(data):
     return frames_of(data)[-1] + FRAME
+
+
+def cut_unused(data):
+    del data[end_of(data) :]
 
 
 def last_commit(data):

@@ -296,14 +296,14 @@ def test_kill_9_loses_nothing_that_was_acknowledged(tmp_path):
 
 
 FILE_LIMIT = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))"
+MADE = "writer = RunWriter(Path(sys.argv[1]))"
 
 
-@pytest.mark.parametrize("from_the_beginning", [False, True])
-def test_a_full_disk_ends_the_run_store_and_keeps_what_was_committed(tmp_path, from_the_beginning):
-    script, made = tmp_path / "writer.py", "writer = RunWriter(Path(sys.argv[1]))"
-    limited = [FILE_LIMIT, made] if from_the_beginning else [made, FILE_LIMIT]
+def written_with(tmp_path, *lines):
+    """What the writer prints, with these lines in place of that which makes it, and at last its failure."""
+    script = tmp_path / "writer.py"
     script.write_text(
-        textwrap.dedent(WRITER.replace(made, "\n        ".join(limited))).replace(
+        textwrap.dedent(WRITER.replace(MADE, "\n        ".join(lines))).replace(
             "asyncio.run(main())",
             textwrap.dedent("""
         from bench.errors import StoreError
@@ -318,14 +318,21 @@ def test_a_full_disk_ends_the_run_store_and_keeps_what_was_committed(tmp_path, f
         [sys.executable, script, tmp_path], capture_output=True, text=True, check=False, timeout=50,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])},
     )  # fmt: skip
-    lines = done.stdout.splitlines()
-    if from_the_beginning:
-        assert lines == [f"FAILED {tmp_path / 'run.db'}: cannot be created ([Errno 27] File too large)"], done.stderr
-        return
-    assert lines[-1].startswith("FAILED the run store cannot write"), done.stderr
+    assert done.stdout, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_a_full_disk_ends_the_run_store_and_keeps_what_was_committed(tmp_path):
+    lines = written_with(tmp_path, MADE, FILE_LIMIT)
+    assert lines[-1].startswith("FAILED the run store cannot write")
     acknowledged = int(lines[-2])
     with RunReader(tmp_path) as reader:
         assert [int(event.step) for event in reader.events()][:acknowledged] == list(range(1, acknowledged + 1))
+
+
+def test_a_run_does_not_begin_on_a_disk_without_space_for_its_log(tmp_path):
+    lines = written_with(tmp_path, FILE_LIMIT, MADE)
+    assert lines == [f"FAILED {tmp_path / 'run.db'}: cannot be created ([Errno 27] File too large)"]
 
 
 def test_run_directories_are_named_by_time_sequence_and_unit_and_never_shared(tmp_path):
